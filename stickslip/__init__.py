@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     from . import contact as contact
     from . import continuation as continuation
     from . import derived as derived
+    from . import estimation as estimation
     from . import friction as friction
     from . import identification as identification
     from . import mechanism as mechanism
@@ -59,8 +60,8 @@ if TYPE_CHECKING:
 
 # They come when they are used, since some import what takes longer than the rest of the package.
 _PACKAGES = (
-    "analysis", "contact", "continuation", "derived", "friction", "identification", "mechanism", "plot",
-    "structure", "systems",
+    "analysis", "contact", "continuation", "derived", "estimation", "friction", "identification",
+    "mechanism", "plot", "structure", "systems",
 )  # fmt: skip
 
 

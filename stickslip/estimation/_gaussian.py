@@ -13,11 +13,10 @@ from .._argument_checks import check_arguments, whole_state
 from .._types import Given, Mode
 from .._validation import (
     as_float64,
-    as_parameter,
-    check_finite,
     check_nonnegative,
     is_concrete,
     leaves_of,
+    numbers,
     refusal,
     shape_refusal,
 )
@@ -30,10 +29,9 @@ class Gaussian(eqx.Module):
     **Arguments**
 
     - `mean`: the state, as `simulate` takes it.
-    - `spread`: a state of standard deviations, not negative, of independent components; or a
-      covariance matrix `[n, n]`, symmetric and not negative, in the order of the flattened state
-      (`jax.flatten_util.ravel_pytree`): that of a mechanism has coordinates, states of first order,
-      velocities.
+    - `spread`: a state of standard deviations, of independent components; or a covariance matrix
+      `[n, n]` in the order of the flattened state (`jax.flatten_util.ravel_pytree`), which of a
+      mechanism has coordinates, states of first order, velocities.
     - `mode`: name or number; by default that of the mean. Deviations that the mode does not allow, as
       of the speed of a contact that sticks, are taken out of the covariance.
 
@@ -47,33 +45,33 @@ class Gaussian(eqx.Module):
     @check_arguments(mean=whole_state)
     def __init__(self, mean: PyTree, spread: PyTree, mode: Given[Mode | None] = None):
         self.mean, self.mode = as_float64("mean", mean), mode
-        size = ravel_pytree(self.mean)[0].size
+        size = sum(np.size(leaf) for leaf in jax.tree.leaves(self.mean))
+        allowed = f"a state like mean, of standard deviations, or a matrix of shape {(size, size)}"
         if shapes_of(spread) == shapes_of(self.mean):
-            for where, deviation in leaves_of("spread", spread):
-                check_nonnegative(where, deviation)
-            deviations = ravel_pytree(jax.tree.map(as_parameter, spread))[0]
-            self.covariance = jnp.diag(deviations**2)
+            deviations = check_not_negative("spread", as_float64("spread", spread))
+            self.covariance = jnp.diag(ravel_pytree(deviations)[0] ** 2)
             return
-        check_finite("spread", spread)
+        if is_concrete(spread):
+            spread = as_float64("spread", numbers("spread", spread, allowed))
         if np.shape(spread) != (size, size):
-            allowed = f"a state of standard deviations, or a matrix of shape {(size, size)}"
             raise shape_refusal("spread", spread, allowed)
         if is_concrete(spread):
-            _check_covariance(np.asarray(spread, float))
-        self.covariance = as_parameter(spread)
+            # Each component in a unit of its own, so that a small one counts as much as the others.
+            unit = np.sqrt(np.maximum(np.diag(spread), ENGINE.tiny))
+            matrix = spread / np.outer(unit, unit)
+            symmetric = np.max(np.abs(matrix - matrix.T)) <= ENGINE.zero
+            if not symmetric or np.linalg.eigvalsh(matrix)[0] < -ENGINE.zero * size:
+                raise refusal("spread", spread, "symmetric, and positive semidefinite")
+        self.covariance = jnp.asarray(spread)
 
 
 def shapes_of(tree: PyTree) -> Any:
-    """Structure of a state and the shapes of its components: what two states have in common."""
+    """Structure of a state and shapes of its components: what two states have in common."""
     return jax.tree.structure(tree), [np.shape(leaf) for leaf in jax.tree.leaves(tree)]
 
 
-def _check_covariance(matrix: np.ndarray) -> None:
-    # Each component in a unit of its own, so that a small one counts as much as the others.
-    deviations = np.sqrt(np.maximum(np.diag(matrix), 0.0))
-    unit = np.where(deviations > 0.0, deviations, 1.0)
-    correlations = matrix / np.outer(unit, unit)
-    if np.max(np.abs(correlations - correlations.T)) > ENGINE.zero:
-        raise refusal("spread", matrix.tolist(), "symmetric")
-    if np.linalg.eigvalsh(correlations)[0] < -ENGINE.zero * len(matrix):
-        raise refusal("spread", matrix.tolist(), "positive semidefinite")
+def check_not_negative(name: str, state: PyTree) -> PyTree:
+    """A state of numbers from zero on."""
+    for where, leaf in leaves_of(name, state):
+        check_nonnegative(where, leaf)
+    return state

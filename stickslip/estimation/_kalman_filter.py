@@ -1,6 +1,5 @@
 """An extended Kalman filter through events."""
 
-from collections.abc import Mapping
 from typing import Any
 
 import equinox as eqx
@@ -8,23 +7,15 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
+from jax.scipy.linalg import cho_solve
 from jaxtyping import Array, Float, Int, PyTree
 
-from .._argument_checks import check_arguments, instance, or_none, time
+from .. import _validation as check
+from .._argument_checks import check_arguments, instance, or_none
 from .._show import amount
 from .._types import Given, NamedRows, Numeric, Row
-from .._validation import (
-    as_parameter,
-    check_at_least,
-    check_callable,
-    check_increasing,
-    check_mapping,
-    check_that,
-    refusal,
-    shape_refusal,
-)
 from ..hybrid import RESULTS, AbstractHybridSystem, Integrator, SaveAt, jit_plainly, simulate
-from ..hybrid.arguments import start_of, the_system, times
+from ..hybrid import arguments as given
 from ..hybrid.longest_step import spanning
 from ..hybrid.tree import with_float_arrays
 from ._gaussian import Gaussian, shapes_of
@@ -39,12 +30,11 @@ class Filtered(eqx.Module):
 
     - `predicted`, `estimate`: a `StateEstimate` before and after the measurement of each stamp.
     - `innovations`: measured less predicted values in the order of `names`, NaN where one is missing;
-      `innovation_covariances`: theirs, of those that are there.
+      `innovation_covariances`: theirs, 1 in place of one that is missing.
     - `nis`: normalised innovation squared, chi-squared with as many degrees of freedom as there are
-      values at the stamp.
-    - `log_likelihood`: of all measurements, with its constants; minus infinity where a run failed.
+      values at the stamp. `log_likelihood` of all, minus infinity where a run failed.
     - `transitions`: the matrix by which deviations went from the stamp before; `slopes`: derivatives
-      of what is measured by the state.
+      of what is measured by the state, 0 where it is missing.
     - `flags` of the run to each stamp, as those of a `Solution`: the covariance is a derivative.
       `result`: a `RESULTS` item, of the first run that failed.
     """
@@ -66,31 +56,23 @@ class Filtered(eqx.Module):
 
 
 @check_arguments(
-    t0=time, start=instance(Gaussian, "a Gaussian"), noise=instance(Noise, "a Noise"),
+    start=instance(Gaussian, "a Gaussian"), noise=instance(Noise, "a Noise"),
     integrator=or_none(instance(Integrator, "an Integrator or None")),
 )  # fmt: skip
 def kalman_filter(
-    system: AbstractHybridSystem,
-    t0: Numeric,
-    start: Given[Gaussian],
-    t: Row,
-    measured: NamedRows,
-    measure: Given[Observe],
-    noise: Given[Noise],
-    args: PyTree = None,
-    *,
+    system: AbstractHybridSystem, t0: Numeric, start: Given[Gaussian], t: Row, measured: NamedRows,
+    measure: Given[Observe], noise: Given[Noise], args: PyTree = None, *,
     integrator: Given[Integrator | None] = None,
-) -> Filtered:
+) -> Filtered:  # fmt: skip
     r"""Extended Kalman filter of a hybrid system: states at the stamps from measurements until then.
 
-    From stamp to stamp the mean moves as `simulate` moves it, with its events, and
+    From stamp to stamp the mean moves as `simulate` moves it, and under the same error control
 
-    $$P^- = \Phi P\Phi^T + W, \qquad \dot\Phi = f_y\Phi, \qquad \dot W = f_yW + Wf_y^T + Q_m,
+    $$P^- = \Phi P\Phi^T + W, \qquad \dot\Phi = f_y\Phi, \quad \dot W = f_yW + Wf_y^T + Q_m,
       \qquad \Phi^+ = S\Phi, \quad W^+ = SWS^T \text{ at events}$$
 
-    with the saltation matrix $S$, all under the error control of the motion. Where slip turns into stick
-    $S$ loses rank: the speed is known from there on, its variance is zero. With the slopes $H$ of what
-    is measured, and its noise $R$,
+    with the saltation matrix $S$. Where slip turns into stick it loses rank: the speed is known from
+    there on. With slopes $H$ of what is measured, and its noise $R$,
 
     $$V = HP^-H^T + R, \quad K = P^-H^TV^{-1}, \quad P = (1 - KH)P^-(1 - KH)^T + KRK^T$$
 
@@ -99,70 +81,64 @@ def kalman_filter(
 
     **Arguments**
 
-    - `system`, `args`, `integrator`: as for `simulate`.
-    - `t0`, `start`: a time [s] and the `Gaussian` there.
+    - `system`, `args`, `integrator`: as for `simulate`. `t0`, `start`: a time [s], and the `Gaussian`.
     - `t`: stamps [s], none before `t0`, increasing. `measured`: a row for each quantity by name, one
-      value a stamp, NaN where it is missing.
+      value a stamp, NaN where it is missing. `noise`: a `Noise`.
     - `measure(system, t, y, mode, args)`: what would be measured without noise, named scalars.
-    - `noise`: a `Noise`.
 
-    **Returns** `Filtered`. Its `log_likelihood` has derivatives by parameters of the system, the start and
-    the noise, forward and reverse. They hold, as the covariance itself, to first order: a distribution
-    is as narrow as guards are straight over it, and is in one mode. A filter that believes in a stick
-    too firmly takes no notice of a motion: let disturbances be states with `Noise.process`.
+    **Returns** `Filtered`. Its `log_likelihood` has derivatives by all parameters, those of the start
+    and of the noise too, forward and reverse. All is of first order: the distribution is in one mode,
+    so narrow that guards are straight over it and few of its states are still beyond an event. A filter
+    in stick takes a motion for noise until its place goes through a guard: see that `nis` keeps to its
+    distribution, and let disturbances be states with `Noise.process`.
 
-    **Raises** `TypeError`, `ValueError` naming the argument, before compilation. Where a run fails
-    nothing is raised: see `result`.
+    **Raises** `TypeError`, `ValueError` naming the argument, before compilation; nothing where a run
+    fails, which has numbers until then, and its `result`.
 
     ??? cite "Reference"
 
-        N. J. Kong, J. J. Payne, G. Council, A. M. Johnson, "The Salted Kalman Filter: Kalman filtering
-        on hybrid dynamical systems", *Automatica* 131:109752, 2021.
+        N. J. Kong and others, "The Salted Kalman Filter", *Automatica* 131:109752, 2021.
     """
-    the_system(system)
-    stamps = times("t", t)
-    if not stamps.size:
-        raise shape_refusal("t", t, "at least one time")
-    check_increasing("t", t)
-    check_at_least("t[0]", stamps[0], "t0", t0)
-    rows = check_mapping("measured", measured, "a mapping from names to rows of numbers")
+    given.the_system(system)
+    check.check_handed_on("args", args)
+    t0, stamps = jnp.asarray(given.a_time("t0", t0)), given.times("t", t)
+    check.check_increasing("t", check.one_row("t", stamps))
+    check.check_at_least("t[0]", stamps[0], "t0", t0)
+    rows = check.check_mapping("measured", measured, "a mapping from names to rows of numbers")
     if rows.keys() != noise.measured.keys():
-        raise refusal("measured", sorted(rows), f"of {', '.join(noise.measured)}, as in noise.measured")
+        allowed = f"of {', '.join(noise.measured)}, as in noise.measured"
+        raise check.refusal("measured", sorted(rows), allowed)
     for name, row in rows.items():
         where = f"measured[{name!r}]"
-        check_that(where, row, lambda a: ~np.isinf(a), "finite, or NaN where it is missing")
+        check.check_that(where, row, lambda a: ~np.isinf(a), "finite, or NaN where it is missing")
         if np.shape(row) != stamps.shape:
-            raise shape_refusal(where, row, f"one number for each of {stamps.size} stamps")
-    check_callable("measure", measure, FORM, *range(5))
+            raise check.shape_refusal(where, row, f"one number for each of {stamps.size} stamps of t")
+    check.check_callable("measure", measure, FORM, *range(5))
     system, args = with_float_arrays((system, args))
-    t0 = as_parameter(t0)
-    mean, mode = start_of(system, t0, start.mean, start.mode, args)
-    system.check_start(t0, mean, args)
+    given.check_field(system, t0, start.mean, np.zeros((), np.int32), args, name="start.mean")
     if start.mode is not None:
-        system.check_mode(t0, mean, mode, args)
-    found = eqx.filter_eval_shape(measure, system, t0, mean, mode, args)
-    named = check_mapping("measure(system, t, y, mode, args)", found)
-    if named.keys() != rows.keys() or any(jnp.shape(a) != () for a in named.values()):
-        allowed = f"one number for each of {', '.join(rows)}"
-        raise refusal("measure(system, t, y, mode, args)", sorted(named), allowed)
+        system.check_mode(t0, start.mean, given.mode_index("start.mode", system, start.mode), args)
+    system.check_start(t0, start.mean, args)
+    mean, mode = given.start_of(system, t0, start.mean, start.mode, args)
+    what = "measure(system, t, y, mode, args)"
+    found = check.check_mapping(what, eqx.filter_eval_shape(measure, system, t0, mean, mode, args))
+    if found.keys() != rows.keys() or any(jnp.shape(a) != () for a in found.values()):
+        raise check.refusal(what, sorted(found), f"one number for each of {', '.join(rows)}")
     process = jax.tree.map(jnp.zeros_like, mean) if noise.process is None else noise.process
     if shapes_of(process) != shapes_of(mean):
-        raise refusal("noise.process", process, "a state with the components of start.mean")
-    density = ravel_pytree(process)[0]
-    values = jnp.stack([jnp.asarray(rows[name], jnp.float64) for name in rows], axis=1)
-    deviations = jnp.stack([noise.measured[name] for name in rows])
-    integrator = Integrator() if integrator is None else integrator
-    first = (mean, start.covariance, mode)
-    data = (stamps, values, deviations, density)
+        raise check.refusal("noise.process", process, "a state with the components of start.mean")
+    values = jnp.stack([jnp.asarray(row, jnp.float64) for row in rows.values()], axis=1)
+    variances = jnp.stack([noise.measured[name] ** 2 for name in rows])
+    data = stamps, values, variances, ravel_pytree(process)[0]
+    integrator = spanning(Integrator() if integrator is None else integrator, stamps[-1] - t0)
+    first = mean, start.covariance, mode
     return _compiled(system, t0, first, data, measure, args, integrator, tuple(rows))
 
 
-def _filter(system, t0, first, data, measure, args, integrator, names) -> Filtered:
-    stamps, values, deviations, density = data
-    y0, covariance, mode0 = first
+@jit_plainly
+def _compiled(system, t0, first, data, measure, args, integrator, names) -> Filtered:
+    (y0, covariance, mode0), (stamps, values, variances, density) = first, data
     flat, unravel = ravel_pytree(y0)
-    integrator = spanning(integrator, stamps[-1] - t0)
-    saveat = SaveAt(events=False, max_events=None)
     # Beside the state the noise is as small as it likes: it is integrated in units of its own.
     largest = jax.lax.stop_gradient(jnp.max(density))
 
@@ -172,7 +148,7 @@ def _filter(system, t0, first, data, measure, args, integrator, names) -> Filter
         spread = WithSpread(system, density / unit)
         run = simulate(
             spread, t0, t1, spread.start(t0, unravel(y), mode, args), mode, args,
-            integrator=integrator, saveat=saveat, throw=False,
+            integrator=integrator, saveat=SaveAt(events=False, max_events=None), throw=False,
         )  # fmt: skip
         moved = run.y1.transition @ covariance @ run.y1.transition.T + unit**2 * run.y1.noise
         return run, 0.5 * (moved + moved.T)
@@ -183,7 +159,6 @@ def _filter(system, t0, first, data, measure, args, integrator, names) -> Filter
         # After a failure the state stays where it is; its numbers are discarded.
         run, before = predict(jnp.where(good, since, t), t, y, covariance, mode)
         result = RESULTS.where(good, run.result, result)
-        good = good & run.successful
         there = ravel_pytree(run.y1.y)[0]
 
         def observe(z):
@@ -193,32 +168,26 @@ def _filter(system, t0, first, data, measure, args, integrator, names) -> Filter
         present = ~jnp.isnan(row)
         slope = jnp.where(present[:, None], jax.jacfwd(observe)(there), 0.0)
         off = jnp.where(present, jnp.where(present, row, 0.0) - observe(there), 0.0)
-        variance = jnp.where(present, deviations**2, 1.0)
+        variance = jnp.where(present, variances, 1.0)
         spread = slope @ before @ slope.T + jnp.diag(variance)
         lower = jnp.linalg.cholesky(spread)
-        solve = jax.scipy.linalg.cho_solve
-        gain = solve((lower, True), slope @ before).T
-        nis = off @ solve((lower, True), off)
-        after = there + gain @ off
-        kept = jnp.eye(after.size) - gain @ slope
+        gain = cho_solve((lower, True), slope @ before).T
+        nis = off @ cho_solve((lower, True), off)
+        after, kept = there + gain @ off, jnp.eye(there.size) - gain @ slope
         narrowed = kept @ before @ kept.T + (gain * variance[None, :]) @ gain.T
         new_mode = mode_after(system, t, run.y1.y, unravel(after), run.mode1, args)
-        held = WithSpread(system, density).held(t, unravel(after), new_mode, args)
-        narrowed = held @ narrowed @ held.T
+        good = good & run.successful
         result = RESULTS.where(good & (new_mode < 0), RESULTS.no_admissible_mode, result)
         good = good & (new_mode >= 0)
         sizes = 2.0 * jnp.log(jnp.diagonal(lower)) + jnp.where(present, jnp.log(2.0 * jnp.pi), 0.0)
-        score = -0.5 * (nis + jnp.sum(sizes))
-        floats = (
-            there, before, after, narrowed, jnp.where(present, off, jnp.nan), spread, nis,
-            run.y1.transition, slope,
-        )  # fmt: skip
+        score = jnp.where(good, -0.5 * (nis + jnp.sum(sizes)), -jnp.inf)
+        off = jnp.where(present, off, jnp.nan)
+        floats = there, before, after, narrowed, off, spread, nis, run.y1.transition, slope
         floats = jax.tree.map(lambda a: jnp.where(good, a, jnp.nan), floats)
-        carry = (
-            t, jnp.where(good, after, y), jnp.where(good, narrowed, covariance),
-            jnp.where(good, new_mode, mode), good, result,
-        )  # fmt: skip
-        return carry, (floats, run.mode1, new_mode, run.flags, jnp.where(good, score, -jnp.inf))
+        kept = jax.tree.map(
+            lambda a, b: jnp.where(good, a, b), (after, narrowed, new_mode), (y, covariance, mode)
+        )
+        return (t, *kept, good, result), (floats, run.mode1, new_mode, run.flags, score)
 
     held = WithSpread(system, density).held(t0, y0, mode0, args)
     result = RESULTS.where(mode0 >= 0, RESULTS.successful, RESULTS.no_admissible_mode)
@@ -231,6 +200,3 @@ def _filter(system, t0, first, data, measure, args, integrator, names) -> Filter
         StateEstimate(stamps, states(after), narrowed, mode, system, args),
         off, spread, nis, jnp.sum(scores), transitions, slopes, flags, carry[-1], names,
     )  # fmt: skip
-
-
-_compiled = jit_plainly(_filter)

@@ -3,18 +3,11 @@
 from collections.abc import Mapping
 
 import equinox as eqx
-import jax
 from jaxtyping import Array, Float, PyTree
 
 from .._types import Given, Numeric
-from .._validation import (
-    as_parameter,
-    check_mapping,
-    check_nonnegative,
-    leaves_of,
-    one_number,
-    refusal,
-)
+from .._validation import as_float64, as_parameter, check_mapping, one_number, refusal
+from ._gaussian import check_not_negative
 
 
 class Noise(eqx.Module):
@@ -23,14 +16,13 @@ class Noise(eqx.Module):
     **Arguments**
 
     - `measured`: standard deviation of each quantity that is measured, by name, positive.
-    - `process`: a state of the densities $d_i$, not negative, by which components wander: within a
-      time $T$ the rate of component $i$ adds the variance $d_i^2T$ to it [unit of it per root of s];
-      `None` for none. Intensities are the squares. A mode keeps to what it allows: the speed
-      of a contact that sticks does not wander.
+    - `process`: a state of densities $d_i$, not negative, or `None`: within a time $T$ component $i$
+      wanders by a standard deviation of $d_i\sqrt T$. A mode keeps to what it allows: the speed of a
+      contact that sticks does not wander.
 
-    White noise in a speed is a force without a bound, which no contact could hold for any time; the
-    filter lets it act on what slips and not on guards. A disturbance that breaks contacts loose is a
-    state of the system, whose rate has the noise.
+    White noise in a speed is a force without a bound, which no contact holds for any time: the filter
+    lets it act on what slips, and not on guards. A disturbance that breaks contacts loose is a state
+    of the system, whose rate has the noise.
 
     **Raises** `TypeError`, `ValueError` for anything else.
     """
@@ -44,7 +36,5 @@ class Noise(eqx.Module):
             raise refusal("measured", measured, "a mapping from names to numbers, not empty")
         for name, sd in found.items():
             one_number(f"measured[{name!r}]", sd, "positive")
-        for where, density in leaves_of("process", process):
-            check_nonnegative(where, density)
         self.measured = {name: as_parameter(sd) for name, sd in found.items()}
-        self.process = jax.tree.map(as_parameter, process)
+        self.process = check_not_negative("process", as_float64("process", process))

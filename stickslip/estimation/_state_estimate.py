@@ -15,12 +15,13 @@ from .._validation import check_callable, check_mapping
 from ..hybrid import AbstractHybridSystem
 
 Observe = Callable[[AbstractHybridSystem, Any, PyTree, Any, PyTree], Mapping[str, Any]]
+Rows = dict[str, Float[Array, " time"]]
 FORM = "f(system, t, y, mode, args) -> named scalars"
 
 
 class StateEstimate(eqx.Module):
-    """States at the stamps `t` [s]: `means`, with the modes they are in, and `covariances` in the order
-    of the flattened state. NaN from where a run failed on."""
+    """States at the stamps `t` [s]: `means` with their `modes`, and `covariances` in the order of the
+    flattened state; NaN from where a run failed on."""
 
     t: Float[Array, " time"]
     means: PyTree
@@ -32,15 +33,12 @@ class StateEstimate(eqx.Module):
     def __repr__(self) -> str:
         return f"StateEstimate: {amount(self.t.shape[-1], 'time')}"
 
-    def sense(
-        self, observables: Given[Observe]
-    ) -> tuple[dict[str, Float[Array, " time"]], dict[str, Float[Array, " time"]]]:
+    def sense(self, observables: Given[Observe]) -> tuple[Rows, Rows]:
         r"""Quantities that no sensor measures, with bands: a virtual sensor.
 
         **Argument** `observables(system, t, y, mode, args)`: named scalars, such as a friction force.
-        **Returns** their values $h$ at the means, and their standard deviations
-        $\sqrt{h_yPh_y^T}$, by name; the mode is taken for certain. **Raises** `TypeError` for anything
-        that cannot be called so.
+        **Returns** by name their values $h$ at the means, and their standard deviations
+        $\sqrt{h_yPh_y^T}$; the mode is taken for certain. **Raises** `TypeError` for anything else.
         """
         check_callable("observables", observables, FORM, *range(5))
 
@@ -48,17 +46,12 @@ class StateEstimate(eqx.Module):
             flat, unravel = ravel_pytree(y)
 
             def values(z):
-                found = check_mapping(
-                    "observables(system, t, y, mode, args)",
-                    observables(self.system, t, unravel(z), mode, self.args),
-                )
-                return {name: jnp.asarray(a, jnp.float64) for name, a in found.items()}
+                found = observables(self.system, t, unravel(z), mode, self.args)
+                named = check_mapping("observables(system, t, y, mode, args)", found)
+                return {name: jnp.asarray(a, jnp.float64) for name, a in named.items()}
 
             slopes = jax.jacfwd(values)(flat)
-            deviations = {
-                name: jnp.sqrt(jnp.maximum(slope @ covariance @ slope, 0.0))
-                for name, slope in slopes.items()
-            }
-            return values(flat), deviations
+            squares = {name: slope @ covariance @ slope for name, slope in slopes.items()}
+            return values(flat), {name: jnp.sqrt(jnp.maximum(a, 0.0)) for name, a in squares.items()}
 
         return jax.vmap(one)(self.t, self.means, self.covariances, self.modes)

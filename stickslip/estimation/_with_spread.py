@@ -11,8 +11,7 @@ from ..hybrid import AbstractHybridSystem, AbstractSystemWrapper
 
 
 class Spread(NamedTuple):
-    """State `y`, transition matrix since the start, covariance of the noise since then, and the
-    intensity that the mode leaves of the noise."""
+    """State, transition matrix and covariance of the noise since the start, intensity of the noise."""
 
     y: PyTree
     transition: Float[Array, "n n"]
@@ -23,10 +22,10 @@ class Spread(NamedTuple):
 class WithSpread(AbstractSystemWrapper):
     r"""The same system with its transition matrix $\Phi$ and the covariance $W$ of a noise.
 
-    Inside a mode $\dot\Phi = f_y\Phi$ and $\dot W = f_yW + Wf_y^T + Q_m$, at an event
-    $\Phi^+ = S\Phi$ and $W^+ = SWS^T$ with the saltation matrix $S$. `density`: square roots of the
-    intensities of white noise in the rates of the flattened state. A mode keeps those parts of it that
-    it allows, $Q_m = \Pi\,\mathrm{diag}(d^2)\,\Pi$: to the speed of a contact that sticks nothing is added.
+    Inside a mode $\dot\Phi = f_y\Phi$ and $\dot W = f_yW + Wf_y^T + Q_m$, at an event $\Phi^+ = S\Phi$
+    and $W^+ = SWS^T$ with the saltation matrix $S$. `density`: square roots of the intensities of
+    white noise in the rates of the flattened state, of which a mode keeps what it allows,
+    $Q_m = \Pi\,\mathrm{diag}(d^2)\,\Pi$.
     """
 
     system: AbstractHybridSystem
@@ -36,9 +35,9 @@ class WithSpread(AbstractSystemWrapper):
         return y.y, args
 
     def start(self, t, y, mode, args) -> Spread:
-        size = self.density.size
+        still = jnp.zeros((self.density.size, self.density.size))
         intensity = self._intensity(self.held(t, y, mode, args))
-        return Spread(y, jnp.eye(size), jnp.zeros((size, size)), intensity)
+        return Spread(y, jnp.eye(self.density.size), still, intensity)
 
     def held(self, t, y, mode, args) -> Float[Array, "n n"]:
         """Projection on the deviations that the mode allows."""
@@ -57,9 +56,9 @@ class WithSpread(AbstractSystemWrapper):
         tangent, state = self._tangent(y.y)
         rates = tangent.vector_field(t, state, mode, args)
         slope = tangent.columns(rates)
-        spread = slope @ y.noise
+        noise = slope @ y.noise
         still = jnp.zeros_like(y.intensity)
-        return Spread(rates.y, slope @ y.transition, spread + spread.T + y.intensity, still)
+        return Spread(rates.y, slope @ y.transition, noise + noise.T + y.intensity, still)
 
     def transition(self, t, y, mode, guard, args):
         tangent, state = self._tangent(y.y)

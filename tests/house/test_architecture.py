@@ -122,16 +122,18 @@ def test_packages_of_the_toolkit_use_public_names_of_each_other():
     assert wrong == []
 
 
-ABOVE = ("analysis", "continuation", "plot", "structure")
+ABOVE = ("analysis", "continuation", "estimation", "plot", "structure")
+MACHINES = ("friction", "contact", "mechanism", "structure", "systems")
 # What each package of the toolkit does not know, whatever it builds on itself.
 UNKNOWN_TO = {
     "hybrid": {"friction", "contact", "mechanism", "systems", "derived", "sweep", *ABOVE},
     "friction": {"contact", "mechanism", "systems", "derived", "sweep", *ABOVE},
     "derived": {"friction", "contact", "mechanism", "systems", "sweep", *ABOVE},
     "mechanism": {"systems", "derived", "sweep", *ABOVE},
-    "analysis": {"friction", "contact", "mechanism", "structure", "systems", "continuation", "plot"},
-    "continuation": {"friction", "contact", "mechanism", "structure", "systems", "plot"},
-    "identification": {"systems", "analysis", "continuation"},
+    "analysis": {*MACHINES, "continuation", "estimation", "plot"},
+    "continuation": {*MACHINES, "estimation", "plot"},
+    "estimation": {*MACHINES, "continuation", "plot"},
+    "identification": {"systems", "analysis", "continuation", "estimation"},
     "sweep": {"friction", "contact", "mechanism", "systems", "derived", *ABOVE},
 }
 

@@ -77,7 +77,7 @@ def textbook(A, Q, H, R, t0, t, values, mean, covariance):
         spread = h @ before[1] @ h.T + r
         gain = before[1] @ h.T @ np.linalg.inv(spread)
         mean, covariance = before[0] + gain @ off, (np.eye(len(A)) - gain @ h) @ before[1]
-        sign, size = np.linalg.slogdet(2.0 * np.pi * spread)
+        size = np.linalg.slogdet(2.0 * np.pi * spread)[1]
         likelihood += -0.5 * (off @ np.linalg.solve(spread, off) + size)
         steps.append((transition, before, (mean, covariance)))
     smoothed = [steps[-1][2]]

@@ -6,13 +6,12 @@ import numpy as np
 
 import stickslip as ss
 
-PARTS = 8
 KEPT = ss.SaveAt(events=False, max_events=None)
 
 
 def wander(system, t0, dt, y, mode, kicks):
-    """State and mode after a stamp, and the force's steps in the middle of `PARTS` parts of it."""
-    h = dt / PARTS
+    """State and mode after `dt`, in which the force makes half of a step before and after each part."""
+    h = dt / kicks.size
 
     def part(carry, kick):
         t, y, mode = carry
@@ -34,5 +33,5 @@ def draw(system, mean, spread, key):
     return system.state(x=mean.x + spread.x * x, d=mean.d + spread.d * d, v_x=v_x)
 
 
-def kicks_of(q, dt, shape, key):
-    return q * np.sqrt(dt / PARTS) * jax.random.normal(key, (*shape, PARTS))
+def kicks_of(q, dt, shape, key, parts=8):
+    return q * np.sqrt(dt / parts) * jax.random.normal(key, (*shape, parts))

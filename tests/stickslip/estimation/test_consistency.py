@@ -74,7 +74,8 @@ def test_errors_are_as_large_as_the_covariance_says_over_a_thousand_runs():
             count = freedom[same[:, k], k].sum()
             low, high = stats.chi2.ppf([0.025, 0.975], count)
             inside.append(low < squares[same[:, k], k].sum() < high)
-        assert inside[-1] and sum(inside) >= 0.9 * stamps
+        assert inside[-1]
+        assert sum(inside) >= 0.9 * stamps
     low, high = stats.chi2.ppf([0.025, 0.975], runs * stamps)
     assert low < float(found.nis.sum()) < high
     names = Pushed().mode_names
@@ -95,7 +96,8 @@ def test_means_are_those_of_particles():
 
     @jax.jit
     def ahead(t, y, mode, key):
-        kicks = kicks_of(SD, dt, (each,), key)
+        # So fine that hardly any of the noise comes on the wrong side of an event.
+        kicks = kicks_of(SD, dt, (each,), key, 32)
         return jax.vmap(lambda y, m, k: wander(system, t, dt, y, m, k))(y, mode, kicks)
 
     y = draw(system, mean, spread, jax.random.key(5))
@@ -125,6 +127,6 @@ def test_means_are_those_of_particles():
     error = means.std(axis=0, ddof=1) / np.sqrt(clouds)
     off = np.abs(means.mean(axis=0) - estimate)
     held = error < 1e-12  # a speed that all particles have: the rounding of their mean
-    assert np.all(off[held] < 1e-15) and np.any(held)
-    print(np.max(off[~held] / error[~held]), np.sum(~held))
+    assert np.any(held)
+    assert np.all(off[held] < 1e-15)
     assert np.max(off[~held] / error[~held]) < 3.0

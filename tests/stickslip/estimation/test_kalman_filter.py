@@ -27,8 +27,9 @@ def test_a_linear_system_is_filtered_and_smoothed_as_in_the_textbook(process):
     values[[5, 7], [0, 1]] = np.nan
     system, noise = Linear(), Noise({"x": 0.03, "v": 0.1}, process)
     found = kalman_filter(
-        system, 0.5, Gaussian(Pair(0.1, -0.2), WIDE), t, {"x": values[:, 0], "v": values[:, 1]}, both, noise
-    )
+        system, 0.5, Gaussian(Pair(0.1, -0.2), WIDE), t, {"x": values[:, 0], "v": values[:, 1]}, both,
+        noise,
+    )  # fmt: skip
     Q, R = np.diag(np.square(process)), np.diag([0.03**2, 0.1**2])
     filtered, smoothed, likelihood = textbook(
         system.matrix, Q, np.eye(2), R, 0.5, t, values, np.array([0.1, -0.2]), WIDE
@@ -78,7 +79,7 @@ def test_breaking_loose_and_sticking_again_in_closed_form():
 
 
 def test_a_drifting_force_goes_through_a_stop():
-    """The noise that has gathered before the stop is moved by S, and what comes in stick stays a force."""
+    """The noise gathered before the stop is moved by S, and what comes in stick stays a force."""
     system, q = Pushed(static_force=1.0, kinetic_force=0.5, belt_speed=0.0), 0.01
     mean = system.state(x=-0.7, v_x=0.4, d=-0.7)
     run = ss.simulate(system, 0.0, 3.0, mean)
@@ -108,7 +109,8 @@ def test_a_stuck_body_keeps_the_speed_of_its_belt_whatever_is_measured():
     )  # fmt: skip
     assert np.all(np.asarray(found.estimate.means.v_x) == 0.2)
     sd = found.estimate.sense(lambda system, t, y, mode, args: {"v": y.v_x, "x": y.x})[1]
-    assert np.all(sd["v"] == 0.0) and np.all(sd["x"] > 0.0)
+    assert np.all(sd["v"] == 0.0)
+    assert np.all(sd["x"] > 0.0)
     assert np.all(smooth(found).means.v_x == 0.2)
 
 

@@ -37,7 +37,8 @@ def test_slopes_are_those_of_differences_forward_and_reverse():
         def at(a, name=name):
             return likelihood(values | {name: a}, T, x)
 
-        difference = (-at(value + 2 * h) + 8 * at(value + h) - 8 * at(value - h) + at(value - 2 * h)) / (12 * h)
+        inner, outer = at(value + h) - at(value - h), at(value + 2 * h) - at(value - 2 * h)
+        difference = (8 * inner - outer) / (12 * h)
         assert float(reverse[name]) == pytest.approx(float(difference), rel=2e-6, abs=1e-6), name
     forward = jax.jvp(
         lambda f: likelihood(values | {"kinetic": f}, T, x), (jnp.asarray(0.5),), (jnp.asarray(1.0),)
@@ -47,9 +48,11 @@ def test_slopes_are_those_of_differences_forward_and_reverse():
 
 @pytest.mark.more
 def test_friction_and_the_wandering_of_a_force_are_found_by_the_likelihood():
-    """A record of 40 s that drifts: both within three standard errors, these from 20 to 60 % of the value
-    for the noise and below a few percent for friction; without process noise friction is wrong."""
-    truth = {"static": 1.0, "kinetic": 0.5, "belt": 0.3, "x": 0.0, "spread": 1e-3, "noise": 1e-3, "wander": 5e-3}
+    """A record of 40 s that drifts: all within three standard errors of the Hessian."""
+    truth = {
+        "static": 1.0, "kinetic": 0.5, "belt": 0.3, "x": 0.0, "spread": 1e-3, "noise": 1e-3,
+        "wander": 5e-3,
+    }  # fmt: skip
     system, dt, count = Pushed(1.0, 0.5, 0.3), 0.2, 200
     t = dt * np.arange(1, count + 1)
     kicks = kicks_of(truth["wander"], dt, (count,), jax.random.key(7))
@@ -77,7 +80,7 @@ def test_friction_and_the_wandering_of_a_force_are_found_by_the_likelihood():
     found = minimize(lambda z: [np.asarray(a) for a in both(z)], start, jac=True, method="BFGS")
     errors = np.sqrt(np.diag(found.hess_inv))
     off = found.x - np.array([1.0, 0.5, np.log(5e-3)])
-    print(found, errors, off, both(jnp.array([1.0,0.5,np.log(5e-3)])))
-    print([float(negative(jnp.array([1.0,0.5,np.log(a)]))) for a in (1e-6,1e-3,2e-3,5e-3,1e-2,2e-2)])
+    print(found, errors, off, both(jnp.array([1.0, 0.5, np.log(5e-3)])))
     assert np.all(np.abs(off) < 3.0 * errors)
-    assert np.all(errors[:2] < 0.03) and errors[2] < 0.4
+    assert np.all(errors[:2] < 0.03)
+    assert errors[2] < 0.4
