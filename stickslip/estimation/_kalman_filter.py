@@ -18,8 +18,8 @@ from ..hybrid import RESULTS, AbstractHybridSystem, Integrator, SaveAt, jit_plai
 from ..hybrid import arguments as given
 from ..hybrid.longest_step import spanning
 from ..hybrid.tree import with_float_arrays
+from ._after_correction import after_correction
 from ._gaussian import Gaussian, shapes_of
-from ._mode_after import mode_after
 from ._noise import Noise
 from ._state_estimate import FORM, Observe, StateEstimate
 from ._with_spread import WithSpread
@@ -34,7 +34,8 @@ class Filtered(eqx.Module):
     - `nis`: normalised innovation squared, chi-squared with as many degrees of freedom as there are
       values at the stamp. `log_likelihood` of all, minus infinity where a run failed.
     - `transitions`: the matrix by which deviations went from the stamp before; `slopes`: derivatives
-      of what is measured by the state, 0 where it is missing.
+      of what is measured by the state, 0 where it is missing; `jumps`: the saltation matrix of an
+      event that a correction brought about, the unit matrix where it brought none.
     - `flags` of the run to each stamp, as those of a `Solution`: the covariance is a derivative.
       `result`: a `RESULTS` item, of the first run that failed.
     """
@@ -47,6 +48,7 @@ class Filtered(eqx.Module):
     log_likelihood: Float[Array, ""]
     transitions: Float[Array, "time n n"]
     slopes: Float[Array, "time measured n"]
+    jumps: Float[Array, "time n n"]
     flags: Int[Array, " time"]
     result: Any
     names: tuple[str, ...] = eqx.field(static=True)
@@ -77,7 +79,9 @@ def kalman_filter(
     $$V = HP^-H^T + R, \quad K = P^-H^TV^{-1}, \quad P = (1 - KH)P^-(1 - KH)^T + KRK^T$$
 
     so that a measurement leaves alone what a contact holds. The mode stays the same, unless the
-    correction goes through a guard, or further beyond one: then it is that of `initial_mode`.
+    correction goes through a guard $g$: the event was then $g/\dot g$ ago, and its transition and
+    saltation matrix are made good. Where this is longer than from the stamp before, the mode is that of
+    `initial_mode`: no event of this interval explains what was measured.
 
     **Arguments**
 
@@ -139,6 +143,7 @@ def kalman_filter(
 def _compiled(system, t0, first, data, measure, args, integrator, names) -> Filtered:
     (y0, covariance, mode0), (stamps, values, variances, density) = first, data
     flat, unravel = ravel_pytree(y0)
+    whole = WithSpread(system, density)
     # Beside the state the noise is as small as it likes: it is integrated in units of its own.
     largest = jax.lax.stop_gradient(jnp.max(density))
 
@@ -173,30 +178,32 @@ def _compiled(system, t0, first, data, measure, args, integrator, names) -> Filt
         lower = jnp.linalg.cholesky(spread)
         gain = cho_solve((lower, True), slope @ before).T
         nis = off @ cho_solve((lower, True), off)
-        after, kept = there + gain @ off, jnp.eye(there.size) - gain @ slope
+        after, kept = unravel(there + gain @ off), jnp.eye(there.size) - gain @ slope
         narrowed = kept @ before @ kept.T + (gain * variance[None, :]) @ gain.T
-        new_mode = mode_after(system, t, run.y1.y, unravel(after), run.mode1, args)
+        moved = after_correction(whole, t, t - since, run.y1.y, after, run.mode1, args)
+        after, jump, new_mode = moved
+        narrowed = jump @ narrowed @ jump.T
         good = good & run.successful
         result = RESULTS.where(good & (new_mode < 0), RESULTS.no_admissible_mode, result)
         good = good & (new_mode >= 0)
         sizes = 2.0 * jnp.log(jnp.diagonal(lower)) + jnp.where(present, jnp.log(2.0 * jnp.pi), 0.0)
         score = jnp.where(good, -0.5 * (nis + jnp.sum(sizes)), -jnp.inf)
         off = jnp.where(present, off, jnp.nan)
-        floats = there, before, after, narrowed, off, spread, nis, run.y1.transition, slope
+        floats = there, before, after, narrowed, off, spread, nis, run.y1.transition, slope, jump
         floats = jax.tree.map(lambda a: jnp.where(good, a, jnp.nan), floats)
         kept = jax.tree.map(
             lambda a, b: jnp.where(good, a, b), (after, narrowed, new_mode), (y, covariance, mode)
         )
         return (t, *kept, good, result), (floats, run.mode1, new_mode, run.flags, score)
 
-    held = WithSpread(system, density).held(t0, y0, mode0, args)
+    held = whole.held(t0, y0, mode0, args)
     result = RESULTS.where(mode0 >= 0, RESULTS.successful, RESULTS.no_admissible_mode)
     carry = (t0, flat, held @ covariance @ held.T, mode0, mode0 >= 0, result)
     carry, (floats, mode_before, mode, flags, scores) = jax.lax.scan(onwards, carry, (stamps, values))
-    there, before, after, narrowed, off, spread, nis, transitions, slopes = floats
+    there, before, after, narrowed, off, spread, nis, transitions, slopes, jumps = floats
     states = jax.vmap(unravel)
     return Filtered(
         StateEstimate(stamps, states(there), before, mode_before, system, args),
         StateEstimate(stamps, states(after), narrowed, mode, system, args),
-        off, spread, nis, jnp.sum(scores), transitions, slopes, flags, carry[-1], names,
+        off, spread, nis, jnp.sum(scores), transitions, slopes, jumps, flags, carry[-1], names,
     )  # fmt: skip

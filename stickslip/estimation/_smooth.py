@@ -7,9 +7,10 @@ from jax.flatten_util import ravel_pytree
 from .._argument_checks import check_arguments, instance
 from .._types import Given
 from ..hybrid import jit_plainly
+from ._after_correction import after_correction
 from ._kalman_filter import Filtered
-from ._mode_after import mode_after
 from ._state_estimate import StateEstimate
+from ._with_spread import WithSpread
 
 
 @check_arguments(filtered=instance(Filtered, "what kalman_filter returns"))
@@ -24,7 +25,8 @@ def smooth(filtered: Given[Filtered]) -> StateEstimate:
       \lambda \mapsto \Phi^T(A^T\lambda + H^TV^{-1}e), \quad
       \Lambda \mapsto \Phi^T(A^T\Lambda A + H^TV^{-1}H)\Phi$$
 
-    A mode is that of the filter, unless the correction goes through a guard, as there.
+    A mode is that of the filter, unless the correction goes through a guard, as there; after an event
+    that a correction of the filter brought about, $A$ and what follows have its saltation matrix.
 
     **Argument** `filtered`: a result of `kalman_filter`, of one run. **Returns** a `StateEstimate`; its
     last state is that of the filter. **Raises** `TypeError` for anything else.
@@ -40,25 +42,27 @@ def smooth(filtered: Given[Filtered]) -> StateEstimate:
 def _compiled(filtered: Filtered) -> StateEstimate:
     estimate = filtered.estimate
     size = filtered.transitions.shape[-1]
+    whole = WithSpread(estimate.system, jnp.zeros(size))
 
     def back(carry, row):
         pull, gained = carry
-        y, covariance, mode, t, before, off, spread, transition, slope = row
+        y, covariance, mode, t, lasts, before, off, spread, transition, slope, jump = row
         flat, unravel = ravel_pytree(y)
         after = unravel(flat + covariance @ pull)
-        mode = mode_after(estimate.system, t, y, after, mode, estimate.args)
-        smoothed = after, covariance - covariance @ gained @ covariance, mode
+        after, event, mode = after_correction(whole, t, lasts, y, after, mode, estimate.args)
+        narrowed = event @ (covariance - covariance @ gained @ covariance) @ event.T
         off = jnp.where(jnp.isnan(off) & jnp.all(jnp.isfinite(flat)), 0.0, off)
         weighed = jnp.linalg.solve(spread, slope)
-        kept = jnp.eye(size) - before @ slope.T @ weighed
+        kept = jump - jump @ before @ slope.T @ weighed
         pull = transition.T @ (kept.T @ pull + weighed.T @ off)
         gained = transition.T @ (kept.T @ gained @ kept + slope.T @ weighed) @ transition
-        return (pull, 0.5 * (gained + gained.T)), smoothed
+        return (pull, 0.5 * (gained + gained.T)), (unravel(after), narrowed, mode)
 
     rows = (
         estimate.means, estimate.covariances, estimate.modes, estimate.t,
+        jnp.diff(estimate.t, prepend=estimate.t[:1]),
         filtered.predicted.covariances, filtered.innovations, filtered.innovation_covariances,
-        filtered.transitions, filtered.slopes,
+        filtered.transitions, filtered.slopes, filtered.jumps,
     )  # fmt: skip
     start = (jnp.zeros(size), jnp.zeros((size, size)))
     means, covariances, modes = jax.lax.scan(back, start, rows, reverse=True)[1]

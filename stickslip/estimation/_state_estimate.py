@@ -12,7 +12,7 @@ from jaxtyping import Array, Float, Int, PyTree
 from .._show import amount
 from .._types import Given
 from .._validation import check_callable, check_mapping
-from ..hybrid import AbstractHybridSystem
+from ..hybrid import AbstractHybridSystem, jit_plainly
 
 Observe = Callable[[AbstractHybridSystem, Any, PyTree, Any, PyTree], Mapping[str, Any]]
 Rows = dict[str, Float[Array, " time"]]
@@ -41,17 +41,21 @@ class StateEstimate(eqx.Module):
         $\sqrt{h_yPh_y^T}$; the mode is taken for certain. **Raises** `TypeError` for anything else.
         """
         check_callable("observables", observables, FORM, *range(5))
+        return _sensed(self, observables)
 
-        def one(t, y, covariance, mode):
-            flat, unravel = ravel_pytree(y)
 
-            def values(z):
-                found = observables(self.system, t, unravel(z), mode, self.args)
-                named = check_mapping("observables(system, t, y, mode, args)", found)
-                return {name: jnp.asarray(a, jnp.float64) for name, a in named.items()}
+@jit_plainly
+def _sensed(estimate: StateEstimate, observables: Observe) -> tuple[Rows, Rows]:
+    def one(t, y, covariance, mode):
+        flat, unravel = ravel_pytree(y)
 
-            slopes = jax.jacfwd(values)(flat)
-            squares = {name: slope @ covariance @ slope for name, slope in slopes.items()}
-            return values(flat), {name: jnp.sqrt(jnp.maximum(a, 0.0)) for name, a in squares.items()}
+        def values(z):
+            found = observables(estimate.system, t, unravel(z), mode, estimate.args)
+            named = check_mapping("observables(system, t, y, mode, args)", found)
+            return {name: jnp.asarray(a, jnp.float64) for name, a in named.items()}
 
-        return jax.vmap(one)(self.t, self.means, self.covariances, self.modes)
+        slopes = jax.jacfwd(values)(flat)
+        squares = {name: slope @ covariance @ slope for name, slope in slopes.items()}
+        return values(flat), {name: jnp.sqrt(jnp.maximum(a, 0.0)) for name, a in squares.items()}
+
+    return jax.vmap(one)(estimate.t, estimate.means, estimate.covariances, estimate.modes)

@@ -21,7 +21,7 @@ ESTIMATE = estimation.StateEstimate(
 ROW = np.array([0.1])
 FILTERED = estimation.Filtered(
     ESTIMATE, ESTIMATE, np.zeros((1, 1)), np.ones((1, 1, 1)), np.zeros(1), np.zeros(()),
-    np.ones((1, 2, 2)), np.ones((1, 1, 2)), np.zeros(1, int), None, ("x",),
+    np.ones((1, 2, 2)), np.ones((1, 1, 2)), np.ones((1, 2, 2)), np.zeros(1, int), None, ("x",),
 )  # fmt: skip
 TARGETS = [
     Target(

@@ -131,6 +131,35 @@ def test_a_correction_beyond_a_guard_decides_the_mode_anew():
     assert names[int(back.estimate.modes[0])] == "slip backward"
 
 
+def test_a_correction_through_a_guard_makes_its_event_good():
+    """The spring pulls with 1.02 N where 1 N holds: the block came loose 0.1 s ago."""
+    system, names = Pushed(belt_speed=0.2), Pushed().mode_names
+    mean, spread = system.state(x=0.9, v_x=0.2), system.state(x=0.05, d=0.01)
+    found = kalman_filter(
+        system, 0.0, Gaussian(mean, spread), [0.4, 0.5], {"x": [1.02, np.nan]}, place,
+        Noise({"x": 1e-9}),
+    )  # fmt: skip
+    assert names[int(found.predicted.modes[0])] == "stick"
+    assert names[int(found.estimate.modes[0])] == "slip backward"
+    state = [getattr(found.estimate.means, n)[0] for n in ("x", "v_x", "d")]
+    assert np.allclose(state, [1.02, 0.2 - 0.5 * 0.1, 0.0], atol=1e-9)
+    P, S = np.diag([1e-18, 1e-4, 0.0]), np.eye(3)  # x, d, v_x
+    S[2, :2] = -2.5, 2.5
+    assert np.allclose(found.estimate.covariances[0], S @ P @ S.T, rtol=1e-6, atol=1e-15)
+    assert np.all(np.asarray(found.flags) == 0)
+    measured = {"x": [1.02, 1.02], "v": [np.nan, 0.11]}
+    later = kalman_filter(
+        system, 0.0, Gaussian(mean, spread), [0.4, 0.5], measured,
+        lambda s, t, y, m, a: {"x": y.x, "v": y.v_x}, Noise({"x": 1e-4, "v": 1e-4}),
+    )  # fmt: skip
+    smoothed = smooth(later)
+    # Backwards through the event: the speed measured later says how strong the force is before.
+    assert float(smoothed.means.d[0]) == pytest.approx(float(later.estimate.means.d[1]), rel=1e-7)
+    assert float(smoothed.covariances[0, 1, 1]) == pytest.approx(
+        float(later.estimate.covariances[1, 1, 1]), rel=1e-5
+    )
+
+
 def test_a_run_that_fails_says_so_and_has_no_numbers():
     block = SlidingBlock(1.0, 0.5, 0.3)
     found = kalman_filter(
