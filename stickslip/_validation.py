@@ -39,6 +39,8 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float
 
+from ._one_function import first_alike
+
 T = TypeVar("T")
 MOST = int(np.iinfo(np.int32).max)  # what an index of an array can count
 MOST_NUMBERED = 2**62  # places or modes that one integer of 64 bits tells apart, and can add
@@ -288,7 +290,10 @@ def check_type(name: str, value: T, expected: Any, allowed: str) -> T:
 
 
 def check_callable(name: str, value: T, call: str, *arguments: Any, **named: Any) -> T:
-    """Something that can be called as `call` shows: with such `arguments`, by its signature."""
+    """Something that can be called as `call` shows: with such `arguments`, by its signature.
+
+    Of functions that are written alike it is always the first one: they have one program.
+    """
     allowed = f"callable as {call}"
     if not callable(value):
         raise refusal(name, value, allowed, TypeError)
@@ -304,7 +309,7 @@ def check_callable(name: str, value: T, call: str, *arguments: Any, **named: Any
             signature.bind(*arguments, **named)
         except TypeError:
             raise refusal(name, value, allowed, TypeError) from None
-    return value
+    return first_alike(value)
 
 
 def check_text(name: str, value: T, allowed: str = "a text") -> T:

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 from jax.core import Tracer
 from jaxtyping import PyTree
 
+from .._one_function import first_alike
 from .._validation import check_callable, check_text, refusal, shown_value
 from ..hybrid import AbstractHybridSystem, Section
 from ..hybrid.components import (
@@ -31,7 +32,7 @@ Observable = Callable[[AbstractHybridSystem, Any, PyTree, PyTree, Any, PyTree], 
 class Maximum(eqx.Module):
     """Section at the local maxima along the motion of an observable (smooth, without slopes in it)."""
 
-    observable: str | Callable = eqx.field(static=True)
+    observable: str | Callable = eqx.field(static=True, converter=first_alike)
     direction: ClassVar = "falling"
     word: ClassVar = "maximum"
 
@@ -42,7 +43,7 @@ class Maximum(eqx.Module):
 class Minimum(eqx.Module):
     """Section at the local minima along the motion of an observable (smooth, without slopes in it)."""
 
-    observable: str | Callable = eqx.field(static=True)
+    observable: str | Callable = eqx.field(static=True, converter=first_alike)
     direction: ClassVar = "rising"
     word: ClassVar = "minimum"
 

@@ -246,7 +246,10 @@ def _response(
         frame = frame._replace(period=period)
         away = closure(found.u, carried.modes, moving, frame, unravel)
         away = residual_at_place(away, found.u, frame, jax.lax.stop_gradient(carried.neutral))
-        good = jnp.isfinite(found.norm) & jnp.all(jnp.isfinite(found.jacobian))
+        known = jnp.isfinite(found.norm) & jnp.all(jnp.isfinite(found.jacobian))
+        # Nothing can be solved, nor need be, where friction holds everything wherever it is.
+        rank = jnp.linalg.matrix_rank(jnp.where(known, found.jacobian, 0.0), ACCURACY.rounding)
+        good = known & (rank == flat.size)
         jacobian = jnp.where(good, found.jacobian, jnp.eye(flat.size))
         step = -jnp.linalg.solve(jacobian, jnp.where(good, away, 0.0))
         small = jnp.all(jnp.abs(step) <= ACCURACY.known)
@@ -263,14 +266,16 @@ def _response(
         u, frame, carried.neutral,
     )  # fmt: skip
     closes = jnp.max(jnp.abs(closing))
-    growth = jnp.where(good, carried.pieces[0], 0.0)
+    growth = jnp.where(known, carried.pieces[0], 0.0)
     reached = (found.norm <= tolerance) | (found.stalled & (found.norm <= ACCURACY.stalled * tolerance))
+    rests = run.y1.integrals["motion"] <= ENGINE.zero**2
     allowed = jnp.minimum(ACCURACY.closes * jnp.maximum(jnp.max(jnp.abs(growth)), 1.0), ACCURACY.near)
     result = first_of(
         (~jnp.isfinite(found.norm), "guess_failed"),
         (found.singular, "singular"),
         (~reached & found.stalled, "stalled"),
-        (~reached | ~good | ~small, "not_converged"),  # without the step its derivative is lost
+        # Without the step its derivative is lost.
+        (~reached | ~(good | rests) | ~small, "not_converged"),
         (run.mode1 != mode, "mode_differs"),
         (~(run.successful & (closes <= allowed)), "not_reproduced"),
     )
@@ -288,7 +293,7 @@ def _response(
     return ForcedResponse(
         2.0 * jnp.pi / period, t0, state, mode, mean, lowest, highest, harmonics,
         multipliers_of(growth, flat.size), silent_directions(growth), found.norm,
-        run.y1.integrals["motion"] <= ENGINE.zero**2, run.num_events, run.sequence, run.flags, result,
+        rests, run.num_events, run.sequence, run.flags, result,
     )  # fmt: skip
 
 

@@ -7,6 +7,7 @@ from typing import Any
 import equinox as eqx
 import jax.numpy as jnp
 
+from .._one_function import first_alike
 from .._types import Given
 from .._validation import check_callable, check_count, check_text, check_type, one_number
 from ..analysis.observable import CALL, check_parameter
@@ -31,8 +32,10 @@ class Forcing(eqx.Module):
     """
 
     frequency: str = eqx.field(static=True, default="frequency")
-    force: Given[str | Callable | None] = eqx.field(static=True, default=None)
-    period: Given[Callable[[Any], Any] | None] = eqx.field(static=True, default=None)
+    force: Given[str | Callable | None] = eqx.field(static=True, default=None, converter=first_alike)
+    period: Given[Callable[[Any], Any] | None] = eqx.field(
+        static=True, default=None, converter=first_alike
+    )
     harmonics: int = eqx.field(static=True, default=5)
 
     def __check_init__(self):

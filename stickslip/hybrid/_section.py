@@ -8,6 +8,7 @@ from jax.interpreters.partial_eval import dce_jaxpr
 from jaxtyping import PyTree
 
 from .._argument_checks import callable_as, check_arguments, choice, flag, text
+from .._one_function import first_alike
 from .._types import Numeric, Whole
 from .system import DIRECTIONS, AbstractHybridSystem
 
@@ -41,7 +42,7 @@ class Section(eqx.Module):
     Errors: `ValueError` for an unknown direction, `TypeError` if `function` is not callable.
     """
 
-    function: Callable = eqx.field(static=True)
+    function: Callable = eqx.field(static=True, converter=first_alike)
     direction: str = eqx.field(static=True, default="falling")
     terminal: bool = eqx.field(static=True, default=False)
     name: str = eqx.field(static=True, default="section")

@@ -47,7 +47,7 @@ class Called(eqx.Module):
 
 def as_called(name: str, value: Any, call: str, *arguments: Any) -> Any:
     """A module with parameters of its own as it is, a function of the user in a `Called`."""
-    check_callable(name, value, call, *arguments)
+    value = check_callable(name, value, call, *arguments)
     return value if isinstance(value, eqx.Module) else Called(value)
 
 

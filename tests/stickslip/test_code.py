@@ -13,6 +13,7 @@ import pytest
 
 import stickslip as ss
 from stickslip._code import code_key
+from stickslip._one_function import first_alike
 from stickslip.friction import Coulomb
 from stickslip.hybrid import jit_by_code
 from stickslip.mechanism import AbstractMechanism, Contact
@@ -266,3 +267,28 @@ def test_an_error_of_equinox_has_its_words():
     for _ in range(2):
         with pytest.raises(eqx.EquinoxRuntimeError, match="below the table"):
             root(jnp.asarray(-4.0))
+
+
+def test_a_function_that_is_written_again_has_the_program_of_the_first():
+    """As a lambda in a loop, or in a cell that is run again. One that holds something has its own."""
+
+    def section():
+        return ss.Section(lambda system, t, y, dy, mode, args: y.x - 0.3, "both")
+
+    def below(level):
+        return ss.Section(lambda system, t, y, dy, mode, args: y.x - level, "both")
+
+    assert section() == section()
+    assert below(0.1) != below(0.1)
+    source = "def alike(x):\n    return x + {}\n"
+    first, again, other, real = ({} for _ in range(4))
+    namespace: dict = {}
+    for found, number in ((first, "1"), (again, "1"), (other, "2"), (real, "1.0")):
+        exec(source.format(number), namespace)
+        found["it"] = first_alike(namespace["alike"])
+    assert again["it"] is first["it"]
+    assert other["it"] is not first["it"]
+    assert real["it"] is not first["it"]
+    elsewhere: dict = {}
+    exec(source.format("1"), elsewhere)
+    assert first_alike(elsewhere["alike"]) is elsewhere["alike"]

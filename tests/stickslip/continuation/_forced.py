@@ -5,7 +5,7 @@ from typing import Any, ClassVar, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 from scipy.linalg import expm
-from scipy.optimize import fsolve
+from scipy.optimize import root
 
 import stickslip as ss
 from stickslip.continuation import Forcing
@@ -134,9 +134,16 @@ def half_turn(u, w, force, limit, k=1.0, kt=0.5, c=0.04):
     return [free, state[0] + top, state[1]]
 
 
+def solved(equations, guess, *given):
+    """The root near a guess, as far as rounding lets the search go."""
+    found = root(equations, guess, args=given, tol=1e-13)
+    assert np.max(np.abs(found.fun)) < 1e-11
+    return found.x
+
+
 def exact(w, guess, force=0.1, limit=0.1):
     """Amplitude, phase of the force at the top, duration of stick."""
-    return fsolve(half_turn, guess, args=(w, force, limit), xtol=1e-13)
+    return solved(half_turn, guess, w, force, limit)
 
 
 def harmonic_balance(w, count, force=0.1, limit=0.1, k=1.0, kt=0.5, c=0.04, samples=1 << 13):
@@ -165,5 +172,5 @@ def harmonic_balance(w, count, force=0.1, limit=0.1, k=1.0, kt=0.5, c=0.04, samp
 
     start = np.zeros(2 * odd.size)
     start[0], start[odd.size] = -0.1, 0.5
-    u = fsolve(wrong, start, xtol=1e-12)
+    u = solved(wrong, start)
     return np.ptp(u @ waves) / 2.0

@@ -1,7 +1,7 @@
 """Derivatives of crossings between stiff phases, and of what depends on the steps alone.
 
-The derivative is computed in a run of its own. After a stiff phase its steps end elsewhere than those of
-the motion: rounding chooses them. Differences of runs know nothing of that.
+The derivative is computed in a run of its own. Its steps after a stiff phase end elsewhere than those
+of the motion: rounding chooses them. Differences of runs know nothing of that.
 """
 
 from typing import Any, ClassVar
