@@ -139,8 +139,7 @@ def kalman_filter(
     return _compiled(system, t0, first, data, measure, args, integrator, tuple(rows))
 
 
-@jit_plainly
-def _compiled(system, t0, first, data, measure, args, integrator, names) -> Filtered:
+def _filter(system, t0, first, data, measure, args, integrator, names) -> Filtered:
     (y0, covariance, mode0), (stamps, values, variances, density) = first, data
     flat, unravel = ravel_pytree(y0)
     whole = WithSpread(system, density)
@@ -207,3 +206,6 @@ def _compiled(system, t0, first, data, measure, args, integrator, names) -> Filt
         StateEstimate(stamps, states(after), narrowed, mode, system, args),
         off, spread, nis, jnp.sum(scores), transitions, slopes, jumps, flags, carry[-1], names,
     )  # fmt: skip
+
+
+_compiled = jit_plainly(_filter)

@@ -38,8 +38,7 @@ def smooth(filtered: Given[Filtered]) -> StateEstimate:
     return _compiled(filtered)
 
 
-@jit_plainly
-def _compiled(filtered: Filtered) -> StateEstimate:
+def _smooth(filtered: Filtered) -> StateEstimate:
     estimate = filtered.estimate
     size = filtered.transitions.shape[-1]
     whole = WithSpread(estimate.system, jnp.zeros(size))
@@ -67,3 +66,6 @@ def _compiled(filtered: Filtered) -> StateEstimate:
     start = (jnp.zeros(size), jnp.zeros((size, size)))
     means, covariances, modes = jax.lax.scan(back, start, rows, reverse=True)[1]
     return StateEstimate(estimate.t, means, covariances, modes, estimate.system, estimate.args)
+
+
+_compiled = jit_plainly(_smooth)

@@ -41,11 +41,11 @@ class StateEstimate(eqx.Module):
         $\sqrt{h_yPh_y^T}$; the mode is taken for certain. **Raises** `TypeError` for anything else.
         """
         check_callable("observables", observables, FORM, *range(5))
-        return _sensed(self, observables)
+        return _sense(self, observables)
 
 
 @jit_plainly
-def _sensed(estimate: StateEstimate, observables: Observe) -> tuple[Rows, Rows]:
+def _sense(estimate: StateEstimate, observables: Observe) -> tuple[Rows, Rows]:
     def one(t, y, covariance, mode):
         flat, unravel = ravel_pytree(y)
 

@@ -147,17 +147,19 @@ def test_a_correction_through_a_guard_makes_its_event_good():
     S[2, :2] = -2.5, 2.5
     assert np.allclose(found.estimate.covariances[0], S @ P @ S.T, rtol=1e-6, atol=1e-15)
     assert np.all(np.asarray(found.flags) == 0)
-    measured = {"x": [1.02, 1.02], "v": [np.nan, 0.11]}
     later = kalman_filter(
-        system, 0.0, Gaussian(mean, spread), [0.4, 0.5], measured,
+        system, 0.0, Gaussian(mean, spread), [0.2, 0.4, 0.5],
+        {"x": [np.nan, 1.02, 1.02], "v": [np.nan, np.nan, 0.11]},
         lambda s, t, y, m, a: {"x": y.x, "v": y.v_x}, Noise({"x": 1e-4, "v": 1e-4}),
     )  # fmt: skip
-    smoothed = smooth(later)
-    # Backwards through the event: the speed measured later says how strong the force is before.
-    assert float(smoothed.means.d[0]) == pytest.approx(float(later.estimate.means.d[1]), rel=1e-7)
-    assert float(smoothed.covariances[0, 1, 1]) == pytest.approx(
-        float(later.estimate.covariances[1, 1, 1]), rel=1e-5
-    )
+    assert names[int(later.estimate.modes[1])] == "slip backward"
+    # Backwards through the event: the speed measured later says how strong the force was before.
+    smoothed, last = smooth(later), later.estimate
+    for k in range(2):
+        assert float(smoothed.means.d[k]) == pytest.approx(float(last.means.d[2]), rel=1e-7)
+        assert float(smoothed.covariances[k, 1, 1]) == pytest.approx(
+            float(last.covariances[2, 1, 1]), rel=1e-5
+        )
 
 
 def test_a_run_that_fails_says_so_and_has_no_numbers():
