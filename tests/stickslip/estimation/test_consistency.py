@@ -51,8 +51,8 @@ def test_errors_are_as_large_as_the_covariance_says_over_a_thousand_runs():
         y = draw(system, mean, system.state(x=SD, d=SD, v_x=SD), first)
 
         def onwards(carry, row):
-            t, kicks = row
-            found = wander(system, t - dt, dt, *carry, kicks)
+            (t, kicks), (y, mode) = row, carry
+            found = wander(system, t - dt, dt, y, mode, kicks)
             return found, found
 
         start = y, system.initial_mode(0.0, y, None)

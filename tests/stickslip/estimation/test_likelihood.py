@@ -61,8 +61,8 @@ def test_friction_and_the_wandering_of_a_force_are_found_by_the_likelihood():
     @jax.jit
     def motion(y):
         def onwards(carry, row):
-            t, kick = row
-            found = wander(system, t - dt, dt, *carry, kick)
+            (t, kick), (y, mode) = row, carry
+            found = wander(system, t - dt, dt, y, mode, kick)
             return found, found[0].x
 
         return jax.lax.scan(onwards, (y, system.initial_mode(0.0, y, None)), (jnp.asarray(t), kicks))[1]
