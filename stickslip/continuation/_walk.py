@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from ..hybrid.accuracy import ACCURACY as ENGINE
 from ..progress import tell
 from ._accuracy import ACCURACY
 from ._family import AbstractFamily, Event, Failure, Gap, Leg, Test
@@ -215,7 +216,13 @@ def _key(test: Test) -> Any:
 
 
 def _distance_from(number: int, value: float, sign: float = 1.0) -> Any:
-    return lambda point: sign * (float(point.values[number]) - value)
+    def distance(point: Any) -> float:
+        there = float(point.values[number])
+        # A branch that begins at a bound comes out on either side of it by a rounding of its unit.
+        far = abs(there - value) > ENGINE.some_roundings * max(abs(there), abs(value))
+        return sign * (there - value) * far
+
+    return distance
 
 
 def has_come_round(points: list, distance: float) -> bool:

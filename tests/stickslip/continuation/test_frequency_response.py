@@ -265,7 +265,7 @@ def duffing_fold(guess):
         slope += np.block(
             [[np.diag(1 - n**2), np.diag(0.1 * n)], [-np.diag(0.1 * n), np.diag(1 - n**2)]]
         )
-        return one, np.linalg.det(slope)
+        return one, np.linalg.det(slope / np.linalg.norm(slope, axis=1, keepdims=True))
 
     def wrong(z):
         one, other = parts(z[:-1], z[-1])
