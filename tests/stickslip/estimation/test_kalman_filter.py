@@ -190,3 +190,31 @@ def test_lanes_are_runs_of_their_own():
         assert float(lanes.log_likelihood[i]) == pytest.approx(float(alone.log_likelihood), rel=1e-9)
     smoothed = jax.vmap(smooth)(lanes)
     assert np.allclose(smoothed.means.x[1], smooth(one(forces[1], rows[1])).means.x, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"t": [1.0, 0.5]}, r"t\[1\] = 0.5: it must be above the one before it"),
+        ({"t0": 2.0}, r"t\[0\] = 0.5: it must be at least t0 = 2.0"),
+        ({"measured": {"y": [0.0, 0.0]}}, r"measured = \['y'\]: it must be of x"),
+        ({"measured": {"x": [0.0, np.inf]}}, r"measured\['x'\]\[1\] = inf: it must be finite, or NaN"),
+        ({"measured": {"x": [0.0]}}, r"measured\['x'\] = \[0.0\], of shape \(1,\)"),
+        ({"measure": lambda s, t, y, m, a: {"v": y.v}}, r"measure\(.*\) = \['v'\]: it must be"),
+        ({"noise": Noise({"x": 0.1}, Pair(0.0, 1.0))}, r"noise.process = .*: it must be a state"),
+        ({"start": Gaussian(Motion(0.0, 1.0), WIDE, "stuck")}, r"start.mode = 'stuck'"),
+    ],
+)
+def test_wrong_arguments_are_named(change, message):
+    good = {
+        "system": SlidingBlock(1.0, 0.5, 0.3), "t0": 0.0, "start": Gaussian(Motion(0.0, 1.0), WIDE),
+        "t": [0.5, 1.0], "measured": {"x": [0.4, 0.8]}, "measure": place, "noise": Noise({"x": 0.1}),
+    }  # fmt: skip
+    with pytest.raises((TypeError, ValueError), match=message):
+        kalman_filter(**(good | change))
+
+
+def test_a_covariance_that_cannot_be_is_named():
+    for wrong in ([[1.0, 2.0], [2.0, 1.0]], [[1.0, 0.5], [0.0, 1.0]], [[0.0, 1e-9], [1e-9, 1.0]]):
+        with pytest.raises(ValueError, match=r"spread = .* positive semidefinite"):
+            Gaussian(Motion(0.0, 1.0), wrong)
