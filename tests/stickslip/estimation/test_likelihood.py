@@ -80,7 +80,6 @@ def test_friction_and_the_wandering_of_a_force_are_found_by_the_likelihood():
     found = minimize(lambda z: [np.asarray(a) for a in both(z)], start, jac=True, method="BFGS")
     errors = np.sqrt(np.diag(found.hess_inv))
     off = found.x - np.array([1.0, 0.5, np.log(5e-3)])
-    print(found, errors, off, both(jnp.array([1.0, 0.5, np.log(5e-3)])))
     assert np.all(np.abs(off) < 3.0 * errors)
     assert np.all(errors[:2] < 0.03)
     assert errors[2] < 0.4
