@@ -113,7 +113,9 @@ class FrequencyResponse(eqx.Module):
     @property
     def stable(self) -> np.ndarray:
         """Whether each motion is stable, but along its family."""
-        return np.asarray(self.responses.stable)
+        # One by one: an operation on all of them is compiled for each number of points.
+        rows = (jax.tree.map(lambda leaf, i=i: leaf[i], self.responses) for i in range(len(self)))
+        return np.array([bool(row.stable) for row in rows])
 
     @property
     def specials(self) -> tuple[BranchPoint, ...]:
