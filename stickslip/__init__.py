@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     from . import continuation as continuation
     from . import control as control
     from . import derived as derived
+    from . import estimation as estimation
     from . import friction as friction
     from . import identification as identification
     from . import mechanism as mechanism
@@ -60,7 +61,8 @@ if TYPE_CHECKING:
 
 # They come when they are used, since some import what takes longer than the rest of the package.
 _PACKAGES = (
-    "analysis", "contact", "continuation", "control", "derived", "friction", "identification",
+    "analysis", "contact", "continuation", "control", "derived", "estimation", "friction",
+    "identification",
     "mechanism", "plot", "structure", "systems",
 )  # fmt: skip
 

@@ -26,6 +26,7 @@ PACKAGES = (
     "stickslip.analysis",
     "stickslip.continuation",
     "stickslip.identification",
+    "stickslip.estimation",
     "stickslip.plot",
     "stickslip.checks",
     "stickslip.fastmath",

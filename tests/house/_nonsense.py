@@ -37,6 +37,7 @@ from stickslip.analysis import _attractor, _volume
 from stickslip.contact import _dead_zone, _zonotope
 from stickslip.continuation import _continue
 from stickslip.control import _hunting
+from stickslip.estimation import _kalman_filter, _smooth
 from stickslip.friction import _contract
 from stickslip.hybrid import _interpolate, _saltation, _simulate
 from stickslip.identification import (
@@ -56,6 +57,7 @@ from tests.house import (
     _nonsense_continuation,
     _nonsense_control,
     _nonsense_engine,
+    _nonsense_estimation,
     _nonsense_identification,
     _nonsense_laws,
     _nonsense_machine,
@@ -80,6 +82,7 @@ TARGETS: list[Target] = [
     *_nonsense_methods.TARGETS,
     *_nonsense_structure.TARGETS,
     *_nonsense_control.TARGETS,
+    *_nonsense_estimation.TARGETS,
 ]
 OURS = tuple(str(pathlib.Path(m.__file__).parent) + os.sep for m in (stickslip, corexy_jax))
 LIMIT = 2.0  # s of the processor, so that a busy machine does not count
@@ -110,6 +113,8 @@ BEHIND = (
     (_dead_zone, "_project"),
     (_zonotope, "_vertices"),
     (_axes, "canvas"),
+    (_kalman_filter, "_compiled"),
+    (_smooth, "_compiled"),
     (_movie.Movie, "_animation"),
     (machine, "march"),
     (machine_feedforward, "_plan"),

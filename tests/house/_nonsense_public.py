@@ -6,7 +6,7 @@ from typing import Any
 
 PACKAGES = (
     "stickslip", "stickslip.friction", "stickslip.contact", "stickslip.systems", "stickslip.sweep",
-    "stickslip.derived", "stickslip.structure", "stickslip.control",
+    "stickslip.derived", "stickslip.structure", "stickslip.control", "stickslip.estimation",
     "stickslip.analysis", "stickslip.continuation", "stickslip.identification", "stickslip.hybrid",
     "stickslip.plot",
     "corexy_jax",
@@ -42,6 +42,8 @@ EXEMPT = {
     "Report": RETURNED,
     "CoreXYSolution": RETURNED,
     "InputDesign": RETURNED,
+    "Filtered": RETURNED,
+    "StateEstimate": RETURNED,
     "Feedforward": RETURNED,
     "RollingCheck": RETURNED,
     "current_executor": "takes nothing",

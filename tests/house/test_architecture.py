@@ -122,25 +122,19 @@ def test_packages_of_the_toolkit_use_public_names_of_each_other():
     assert wrong == []
 
 
-ABOVE = ("analysis", "continuation", "control", "plot", "structure")
+ABOVE = ("analysis", "continuation", "control", "estimation", "plot", "structure")
+MACHINES = ("friction", "contact", "mechanism", "structure", "systems", "control")
 # What each package of the toolkit does not know, whatever it builds on itself.
 UNKNOWN_TO = {
     "hybrid": {"friction", "contact", "mechanism", "systems", "derived", "sweep", *ABOVE},
     "friction": {"contact", "mechanism", "systems", "derived", "sweep", *ABOVE},
     "derived": {"friction", "contact", "mechanism", "systems", "sweep", *ABOVE},
     "mechanism": {"systems", "derived", "sweep", *ABOVE},
-    "analysis": {
-        "friction",
-        "contact",
-        "mechanism",
-        "structure",
-        "systems",
-        "continuation",
-        "control",
-        "plot",
-    },
-    "continuation": {"friction", "contact", "mechanism", "structure", "systems", "control", "plot"},
-    "identification": {"systems", "analysis", "continuation"},
+    "analysis": {*MACHINES, "continuation", "estimation", "plot"},
+    "continuation": {*MACHINES, "estimation", "plot"},
+    "control": {"continuation", "estimation", "plot"},
+    "estimation": {*MACHINES, "continuation", "plot"},
+    "identification": {"systems", "analysis", "continuation", "estimation"},
     "sweep": {"friction", "contact", "mechanism", "systems", "derived", *ABOVE},
 }
 

@@ -22,6 +22,7 @@ REASONS = {
     "stickslip.identification._record.Record.from_table.options": "the options of Record",
     "stickslip.identification._record.Record.from_table.table": "what gives columns by name",
     "stickslip.continuation._orbit.PeriodicOrbit.result": RESULT,
+    "stickslip.estimation._kalman_filter.Filtered.result": RESULT,
     "stickslip.continuation._orbit.PeriodicOrbit.simulation": RESULT,
     "stickslip.continuation._forced_response.ForcedResponse.result": RESULT,
     "stickslip.plot._branch.branch.options": LINES,
