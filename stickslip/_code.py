@@ -58,24 +58,30 @@ _OF_CLASSES = frozenset(
 
 
 def code_key(*trees: Any) -> str:
+    """The digest of `code_and_traced`, without the traced numbers."""
+    return code_and_traced(*trees)[0]
+
+
+def code_and_traced(*trees: Any) -> tuple[str, list[jax.core.Tracer]]:
     """Digest of the code of all classes and functions in `trees`; empty where none is a user's own.
 
-    Arrays and numbers in `trees` are operands, and do not count. Costs microseconds where nothing was
+    With it the numbers of a trace that functions close over. Arrays and numbers in `trees` are
+    operands, and do not count. Costs microseconds where nothing was
     edited. Where a function is found to have changed since it was last met, JAX's own traces of it are
     dropped (`jax.clear_caches`), because loops and branches would go on with them.
     """
     roots = list({id(root): root for tree in trees for root in _roots(tree)}.values())
     if not roots:
-        return ""
+        return "", []
     key = tuple(map(id, roots))  # those kept here are alive, so no other object has their number
     kept = _kept.get(key)
     if kept is None or not kept.stands():
         kept = _Reached(roots)
-        if not kept.in_trace:
+        if not kept.traced:
             _kept[key] = kept
         while len(_kept) > MOST_GROUPS:
             _kept.popitem(last=False)
-    return kept.digest
+    return kept.digest, kept.traced
 
 
 _kept: collections.OrderedDict[tuple, "_Reached"] = collections.OrderedDict()
@@ -173,10 +179,10 @@ class _Reached:
         self.met: dict[int, tuple[Any, Any]] = {}  # objects described already
         self.open: dict[int, int] = {}  # objects being described, by their depth
         self.lowest = sys.maxsize  # depth of the outermost of those that was met again
-        self.in_trace = False  # whether a number was met that exists in one trace only
+        self.traced: list[jax.core.Tracer] = []  # numbers that exist in one trace only
         self.changed = False
         self.digest = _digest(tuple(map(self._description, roots)))
-        if not self.in_trace:
+        if not self.traced:
             self.seen = self._objects()
         if self.changed:
             jax.clear_caches()
@@ -232,7 +238,7 @@ class _Reached:
 
     def _parts(self, thing: Any) -> Iterator[Any]:
         if isinstance(thing, jax.core.Tracer):
-            self.in_trace = True
+            self.traced.append(thing)
             yield str(thing.aval)
         elif isinstance(thing, np.ndarray):
             self.values.append((_checksum, thing, _checksum(thing)))

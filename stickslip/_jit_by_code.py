@@ -8,11 +8,18 @@ from typing import Any
 
 import equinox as eqx
 import jax
+from equinox.internal import nondifferentiable
 
-from ._code import code_key
+from ._code import code_and_traced
 from ._types import Given
 from ._validation import check_type, is_concrete
 from .progress import begin_first_call, end_first_call, is_showing, ready
+
+_CLOSED_OVER = (
+    "stickslip: a function or a class closes over a number that is differentiated. There are no "
+    "derivatives by it: make it a field of the system, or of an `equinox.Module` in place of the "
+    "function, or hand it on in `args`."
+)
 
 
 def jit_by_code(function: Given[Callable]) -> Callable:
@@ -50,7 +57,10 @@ def compiled_by_code(function: Callable, compiler_options: dict[str, Any] | None
     @functools.wraps(function)
     def call(*args: Any, **named: Any) -> Any:
         operands, (form, others) = _arrays_and_rest((args, named))
-        code = code_key(args, named)
+        code, traced = code_and_traced(args, named)
+        if traced:
+            # A program has no derivatives by them: they would be zero, in silence.
+            nondifferentiable(traced, msg=_CLOSED_OVER)
         inside = is_showing()
         try:
             # `equinox.filter_jit` does the same in six times the time, a fifth of a millisecond.

@@ -17,6 +17,7 @@ from stickslip._one_function import first_alike
 from stickslip.friction import Coulomb
 from stickslip.hybrid import jit_by_code
 from stickslip.mechanism import AbstractMechanism, Contact
+from stickslip.systems import Motion
 
 CELL = """
 import functools
@@ -136,6 +137,13 @@ def test_a_module_that_is_imported_within_a_function_is_read(cell, monkeypatch):
 @dataclasses.dataclass(frozen=True)
 class Settings:
     gain: float = 1.0
+
+
+class Spring(ss.AbstractSmoothSystem):
+    """x'' = -x."""
+
+    def vector_field(self, t, y, mode, args):
+        return Motion(y.v, -y.x)
 
 
 class Point(NamedTuple):
@@ -292,3 +300,29 @@ def test_a_function_that_is_written_again_has_the_program_of_the_first():
     elsewhere: dict = {}
     exec(source.format("1"), elsewhere)
     assert first_alike(elsewhere["alike"]) is elsewhere["alike"]
+
+
+@pytest.mark.parametrize("where", ["function", "class"])
+@pytest.mark.parametrize("outer", [jax.jit, lambda f: f], ids=["jit", "plain"])
+def test_a_derivative_by_a_number_that_is_closed_over_is_refused(where, outer):
+    """It would be zero, in silence: a program knows nothing of it. Its value counts all the same."""
+
+    def end(stiffness):
+        if where == "function":
+            section = ss.Section(lambda system, t, y, dy, mode, args: y.x - stiffness, "falling")
+            found = ss.simulate(
+                Spring(), 0.0, 3.0, Motion(1.0, 0.0), saveat=ss.SaveAt(sections=section)
+            )
+            return found.crossings[0].t[0]
+
+        class Stiff(Spring):
+            def vector_field(self, t, y, mode, args):
+                return Motion(y.v, -stiffness * y.x)
+
+        return ss.simulate(Stiff(), 0.0, 1.0, Motion(1.0, 0.0)).y1.x
+
+    known = jnp.arccos(0.5) if where == "function" else jnp.cos(jnp.sqrt(0.5))
+    np.testing.assert_allclose(outer(end)(0.5), known, rtol=1e-9)
+    for derivative in (jax.grad(outer(end)), outer(jax.grad(end)), outer(jax.jacfwd(end))):
+        with pytest.raises(RuntimeError, match="closes over a number that is differentiated"):
+            derivative(0.5)
