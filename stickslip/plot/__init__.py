@@ -27,6 +27,7 @@ from ._exponents import exponents as exponents
 from ._fit import fit as fit
 from ._frequency_response import backbone as backbone
 from ._frequency_response import frequency_response as frequency_response
+from ._hunting import hunting as hunting
 from ._motion import motion as motion
 from ._movie import SLIP as SLIP
 from ._movie import STICK as STICK

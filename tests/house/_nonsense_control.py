@@ -1,6 +1,8 @@
 """Right arguments of controllers and their loops."""
 
-from stickslip import control
+import numpy as np
+
+from stickslip import control, plot
 from stickslip.systems import CoulombOscillator, Motion
 from tests.house._nonsense_laws import POSITIVE
 from tests.house._nonsense_target import Target, arg
@@ -9,6 +11,10 @@ AXIS = Motion(0.1, 0.0)
 SYSTEM = CoulombOscillator(1.0, 1.0, 1.0, 0.5, 0.2)
 PID = control.PID(1.0, 1.0, 1.0, period=0.1)
 LOOP = control.WithController(SYSTEM, lambda k, t, m, s, a: (0.0, s), 0.1)
+MAP = control.HuntingMap(
+    {"kp": np.ones((2, 2)), "ki": np.ones((2, 2))}, np.array([[0, 1], [2, 3]]), np.ones((2, 2)),
+    np.ones((2, 2)),
+)  # fmt: skip
 FINITE = ("finite", "float32", "batch")
 GAIN = arg(1.0, *FINITE)
 ONE = ("positive", "float32")
@@ -70,4 +76,5 @@ TARGETS = [
             "component": arg("x"), "resolution": arg(1e-9, *ONE), "integrator": arg(None, "none"),
         },
     ),
+    Target(plot.hunting, {"found": arg(MAP), "axes": arg(None, "none"), "ax": arg(None, "none")}),
 ]  # fmt: skip

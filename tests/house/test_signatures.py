@@ -31,6 +31,7 @@ REASONS = {
     "stickslip.plot._energy_account.energy_account.options": LINES,
     "stickslip.plot._exponents.exponents.options": LINES,
     "stickslip.plot._fit.fit.options": LINES,
+    "stickslip.plot._hunting.hunting.options": LINES,
     "stickslip.plot._motion.motion.options": LINES,
     "stickslip.plot._multipliers.multipliers.options": LINES,
     "stickslip.plot._orbit.orbit.options": LINES,

@@ -15,6 +15,7 @@ import stickslip as ss
 from stickslip import plot
 from stickslip._drawing import BLUE, RED
 from stickslip.analysis import LyapunovSpectrum, amplitude_spectrum, energy_ledger, time_history
+from stickslip.control import HuntingMap
 from stickslip.friction import Coulomb
 from stickslip.identification import Fit, Observed, Problem, Record, Sensitivity
 from stickslip.identification._unknowns import scalars
@@ -332,6 +333,21 @@ def test_fit():
     other = Fit({"q": jnp.ones(())}, residual, weight, three, space, converged)
     with pytest.raises(ValueError, match=r"found = Fit, with the unknowns q: it must be a Fit of the"):
         plot.fit(other, problem)
+
+
+def test_hunting():
+    """Each loop stands at its gains; those that hunt have the colour of their amplitude."""
+    kp, ki = np.meshgrid([1.0, 2.0, 3.0], [10.0, 20.0], indexing="ij")
+    code, amplitude = np.array([[0, 1], [2, 1], [3, 0]]), np.array([[0.0, 0.5], [0.1, 2.0], [9.0, 0.0]])
+    axis = plot.hunting(HuntingMap({"kp": kp, "ki": ki}, code, amplitude, amplitude))
+    drawn = {marks.get_label(): marks for marks in axis.collections}
+    assert drawn.keys() == {"rests", "hunts", "creeps", "unstable"}
+    np.testing.assert_array_equal(drawn["hunts"].get_offsets(), [[1.0, 20.0], [2.0, 20.0]])
+    np.testing.assert_array_equal(drawn["hunts"].get_array(), [0.5, 2.0])
+    np.testing.assert_array_equal(drawn["rests"].get_offsets(), [[1.0, 10.0], [3.0, 20.0]])
+    assert (axis.get_xlabel(), axis.get_ylabel()) == ("kp", "ki")
+    with pytest.raises(ValueError, match=r"axes = \('kp', 'kd'\): it must be two of kp, ki"):
+        plot.hunting(HuntingMap({"kp": kp, "ki": ki}, code, amplitude, amplitude), ("kp", "kd"))
 
 
 def test_shade():
