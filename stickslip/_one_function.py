@@ -20,9 +20,8 @@ def first_alike(function: Given[Callable | str | None]) -> Any:
     >>> same[0] is same[1]
     True
     """
-    own = isinstance(function, types.FunctionType) and not (
-        function.__closure__ or function.__defaults__ or function.__kwdefaults__ or vars(function)
-    )
-    if not own:
+    if not isinstance(function, types.FunctionType):
+        return function
+    if function.__closure__ or function.__defaults__ or function.__kwdefaults__ or vars(function):
         return function
     return _first.setdefault((function.__code__, id(function.__globals__)), function)
