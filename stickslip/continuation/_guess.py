@@ -27,7 +27,6 @@ from .._validation import (
 from ..analysis.neutral_directions import neutral_shifts, projection_on
 from ..hybrid import (
     AbstractHybridSystem,
-    AbstractSystemWrapper,
     SaveAt,
     Section,
     current_executor,
@@ -37,6 +36,7 @@ from ..hybrid import (
 )
 from ..hybrid.arguments import a_time, check_field, start_of, the_system
 from ..hybrid.longest_step import spanning
+from ..hybrid.same_system import AbstractSameSystem
 from ..hybrid.tree import with_float_arrays
 from ._accuracy import ACCURACY
 from ._closing import in_units
@@ -164,7 +164,7 @@ def check_seen(argument: str, guess: Any) -> None:
         raise refusal(f"{argument}.period", guess.period, allowed)
 
 
-class _Anchored(AbstractSystemWrapper):
+class _Anchored(AbstractSameSystem):
     """The same system, with the plane that a section of it looks for."""
 
     system: AbstractHybridSystem
@@ -172,18 +172,6 @@ class _Anchored(AbstractSystemWrapper):
     normal: Array
     size: Array
     neutral: Array
-
-    def inner(self, y, args):
-        return y, args
-
-    def vector_field(self, t, y, mode, args):
-        return self.system.vector_field(t, y, mode, args)
-
-    def transition(self, t, y, mode, guard, args):
-        return self.system.transition(t, y, mode, guard, args)
-
-    def initial_mode(self, t, y, args):
-        return self.system.initial_mode(t, y, args)
 
 
 def _above_plane(system, t, y, dy, mode, args):

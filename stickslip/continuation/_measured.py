@@ -11,12 +11,12 @@ from ..analysis.observable import Observable, RateOf
 from ..derived import WithIntegrals
 from ..hybrid import (
     AbstractHybridSystem,
-    AbstractSystemWrapper,
     SaveAt,
     Section,
     Solution,
     simulate,
 )
+from ..hybrid.same_system import AbstractSameSystem
 from ._accuracy import ACCURACY
 from ._closing import Motion
 
@@ -34,21 +34,12 @@ class AlongField:
         return self.observable(system, t, y, field, mode, args)
 
 
-class OverPeriod(AbstractSystemWrapper):
+class OverPeriod(AbstractSameSystem):
     """The same system, with the period over which is measured, and the size of the motion."""
 
     system: AbstractHybridSystem
     period: Any
     size: Any
-
-    def inner(self, y, args):
-        return y, args
-
-    def vector_field(self, t, y, mode, args):
-        return self.system.vector_field(t, y, mode, args)
-
-    def transition(self, t, y, mode, guard, args):
-        return self.system.transition(t, y, mode, guard, args)
 
 
 class Measured(NamedTuple):

@@ -18,8 +18,9 @@ from .._validation import (
     one_number,
     refusal,
 )
-from ..hybrid import AbstractHybridSystem, AbstractSystemWrapper, Integrator, SaveAt, Section, simulate
+from ..hybrid import AbstractHybridSystem, Integrator, SaveAt, Section, simulate
 from ..hybrid.components import component_list, place_of
+from ..hybrid.same_system import AbstractSameSystem
 from ..sweep import map_lanes
 from ._with_controller import Controlled
 
@@ -45,20 +46,11 @@ class HuntingMap(NamedTuple):
         return np.array(VERDICTS)[np.asarray(self.code)]
 
 
-class _Levelled(AbstractSystemWrapper):
+class _Levelled(AbstractSameSystem):
     """The same system, with a level of a component to be crossed."""
 
     system: AbstractHybridSystem
     level: Any
-
-    def inner(self, y, args):
-        return y, args
-
-    def vector_field(self, t, y, mode, args):
-        return self.system.vector_field(t, y, mode, args)
-
-    def transition(self, t, y, mode, guard, args):
-        return self.system.transition(t, y, mode, guard, args)
 
 
 def hunting_map(
