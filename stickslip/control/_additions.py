@@ -15,7 +15,7 @@ from ._trees import UPDATE, as_tree
 class FrictionFeedforward(eqx.Module):
     r"""A controller and the friction of its motion, $u = u_c + F(w)$.
 
-    - `controller`: a `PID` or the like; `state()` is its own.
+    - `controller`: a `PID` or the like; `state()` is its own, and a limit is that of its part alone.
     - `friction(w)`: force at a speed, such as `Regularised(law, v_reg).mu`.
     - `reference(t, args) -> (position, velocity)`: $w$ is its velocity. None: $w$ is the second number
       measured; at rest that pushes nothing.
@@ -63,7 +63,7 @@ class DisturbanceObserver(eqx.Module):
     $p \leftarrow p - T_s L (u + p + L m v)$ and $\hat d = p + L m v$, at the rate $L$ behind $d$.
 
     - `controller`: a `PID` or the like; `mass` $m$ [kg], `bandwidth` $L$ [1/s], `period` $T_s$ [s]:
-      positive.
+      positive. A limit of the controller is that of its part alone.
 
     `state()`: before the first sample, of an axis at rest; with that of the controller.
     """

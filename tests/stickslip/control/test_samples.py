@@ -237,3 +237,24 @@ def test_two_controllers_in_one_loop():
             v = 0.0 if stops else v
     assert float(run.y1.y.y.x) == pytest.approx(x, abs=1e-13)
     assert int(run.flags) == 0
+
+
+@pytest.mark.parametrize("options", [{}, {"delay": 2, "latency": 0.003}], ids=["plain", "late"])
+def test_a_run_that_is_cut_goes_on_as_if_it_were_not(options):
+    """At samples, beside and between them, twice at one instant, and where the axis stops."""
+    loop = under_pid(**options)
+
+    def run(ends):
+        y, mode, since, events = begin(loop), None, 0.0, 0
+        for t in ends:
+            part = ss.simulate(loop, since, t, y, mode, saveat=ss.SaveAt(max_events=1))
+            y, mode, since, events = part.y1, part.mode1, t, events + int(part.num_events)
+        return np.array([y.y.x, y.y.v_x, y.state.integral, y.output]), events
+
+    whole, events = run([2.0])
+    stop = ss.simulate(loop, 0.0, 2.0, begin(loop), saveat=ss.SaveAt(max_events=1)).events.t[0]
+    between = np.sort(np.random.default_rng(0).uniform(0.0, 2.0, 5)).tolist()
+    for ends in ([0.01, 0.5, 0.505], [0.3, 0.3 + 1e-12], [0.004, 1.003], between, [float(stop)]):
+        found, met = run([*ends, 2.0])
+        np.testing.assert_allclose(found, whole, rtol=0, atol=1e-13)
+        assert met == events
