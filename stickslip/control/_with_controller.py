@@ -98,7 +98,7 @@ class WithController(AbstractSystemWrapper):
     ...     loop = WithController(Axis(), pid, pid.period, pid.state())
     ...     return ss.simulate(loop, 0.0, 10.0, loop.start(Axis().state(x=0.1))).y1.y.x
     >>> print(f"{rest(50.0):.12f} m, {jax.grad(rest)(50.0):.9f} m per N/m")
-    0.004581286468 m, 0.000125085 m per N/m
+    0.004581286468 m, -0.000673757 m per N/m
 
     **Arguments**
 
@@ -139,15 +139,15 @@ class WithController(AbstractSystemWrapper):
     def __init__(
         self,
         system: Given[AbstractHybridSystem],
-        update: Callable,
+        update: Given[Callable],
         period: Numeric,
         state: PyTree = None,
         *,
-        measure: Callable = whole_reading,
+        measure: Given[Callable] = whole_reading,
         delay: Given[int] = 0,
         latency: Given[Numeric | None] = None,
         offset: Numeric = 0.0,
-        drive: Callable = under_command,
+        drive: Given[Callable] = under_command,
     ):
         self.system = check_type("system", system, AbstractHybridSystem, "an AbstractHybridSystem")
         self.update = as_tree("update", update, UPDATE, *range(5))

@@ -54,7 +54,7 @@ class WithDeviations(AbstractSystemWrapper):
         return y.y, args
 
     @check_arguments(y=whole_state, columns=reals)
-    def start(self, y: PyTree, columns: Float[Array, "size count"]) -> Deviating:
+    def start(self, y: PyTree, columns: Given[Float[Array, "size count"]]) -> Deviating:
         """State with the deviations `columns` of the flattened `y`."""
         size = sum(np.size(leaf) for leaf in jax.tree.leaves(y))
         if np.ndim(columns) != 2 or np.shape(columns)[0] != size:
