@@ -47,6 +47,7 @@ from .sweep import map_lanes as map_lanes
 
 if TYPE_CHECKING:
     from . import analysis as analysis
+    from . import basin as basin
     from . import contact as contact
     from . import continuation as continuation
     from . import control as control
@@ -61,9 +62,8 @@ if TYPE_CHECKING:
 
 # They come when they are used, since some import what takes longer than the rest of the package.
 _PACKAGES = (
-    "analysis", "contact", "continuation", "control", "derived", "estimation", "friction",
-    "identification",
-    "mechanism", "plot", "structure", "systems",
+    "analysis", "basin", "contact", "continuation", "control", "derived", "estimation", "friction",
+    "identification", "mechanism", "plot", "structure", "systems",
 )  # fmt: skip
 
 

@@ -25,6 +25,7 @@ PACKAGES = (
     "stickslip.sweep",
     "stickslip.analysis",
     "stickslip.continuation",
+    "stickslip.basin",
     "stickslip.identification",
     "stickslip.estimation",
     "stickslip.plot",

@@ -11,8 +11,6 @@ class Accuracy:
     """Part of the motion: a smaller difference is a step of an approach, not a jump on an attractor."""
     large: float = 0.1
     """Part of the size of the motion from which on a distance is not small."""
-    lost: float = 1e-11
-    """Part of the longest image below which a direction lies in the span of the others to rounding."""
     unchanged: float = 1e-7
     """Part of the largest derivative: along a shift of less, it may be that nothing changes. Nothing
     does that changes by less than this part of the largest value along the motion, and components

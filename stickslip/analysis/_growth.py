@@ -12,7 +12,7 @@ from jaxtyping import Array, Float, Int, PyTree
 from .._show import amount, html_table, number
 from .._types import Numeric, Whole
 from .._validation import check_count, is_concrete, refusal
-from ._accuracy import ACCURACY
+from ..hybrid.accuracy import ACCURACY as ENGINE
 
 # Meanings of an exponent. New words go to the end.
 EXPONENT_STATUS = ("ok", "lost", "at_rest", "failed", "neutral")
@@ -144,7 +144,7 @@ def orthonormal_columns(
     q, r = jnp.linalg.qr(images)
     growth = jnp.abs(jnp.diagonal(r))
     longest = jnp.max(jnp.sqrt(jnp.sum(images * images, axis=0)))
-    alive = growth > ACCURACY.lost * longest
+    alive = growth > ENGINE.solved * longest
     growth = jnp.where(alive, jnp.log(jnp.where(alive, growth, 1.0)), -jnp.inf)
     # A comparison with NaN or infinity is false, which is not the same as lost.
     return q, jnp.where(jnp.all(jnp.isfinite(images)), growth, jnp.nan)

@@ -159,9 +159,9 @@ class Accuracy:
     # Sizes of programs, tapes and messages: they decide on time and room alone.
     block: int = 8
     """Attempts after which it is asked whether the lanes have ended,"""
-    block_fused: int = 32
+    block_fused: int = 4 * block
     """and where to enter the loop costs as much as an attempt."""
-    tape_rows: int = 256
+    tape_rows: int = 32 * block
     """Most rows of the tape of reverse mode."""
     rows_at_once: int = 64
     """Rows of a log that are written in one go."""

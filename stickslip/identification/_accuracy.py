@@ -39,8 +39,6 @@ class Accuracy:
     # [-] distances, or sizes, up to which an unknown is followed: along a profile where it has no bound
     # on that side, and towards a bound under rounded friction, from which itself nothing returns
     reach: float = 1e3
-    # [-] part of the distance between two bounds that is left out next to each
-    next_to_bound: float = 1e-9
     # [-] a profile that rises by less than this part of the level is flat; a jump of it is enclosed as
     # narrowly, in parts of the distance; an oscillation turns by at least this part of its rate
     narrow: float = 1e-6
@@ -51,9 +49,9 @@ class Accuracy:
     # steps of the refit at one point
     refit_steps: int = 25
     # [-] of the level: what a linearised problem may still promise at the minimum of all unknowns, from
-    # which the interval is measured; at the end of a refit; and of one that gains no more
+    # which the interval is measured; and at the end of a refit that gains no more, of any other one
+    # `ENGINE.zero`
     minimum: float = 1e-15
-    refit: float = 1e-9
     refit_at_rest: float = 1e-4
     # [-] of the root of the level: the end of an interval is found
     interval_end: float = 2e-8

@@ -13,6 +13,7 @@ from .._argument_checks import callable_as, check_arguments, count, instance
 from .._compiled_once import compiled_once
 from .._types import Given, Named
 from .._validation import check_in, check_mapping, check_that, is_concrete, refusal
+from ..hybrid.accuracy import ACCURACY as ENGINE
 from ..progress import showing
 from ._accuracy import ACCURACY
 from ._evaluate import with_operands
@@ -188,7 +189,7 @@ def _limits(limits: Any, space: Space, z: Array, values: NamedValues) -> tuple[A
     lows, highs = [], []
     for i, (low, high) in enumerate(space.bounds):
         if low is not None and high is not None:
-            far = jnp.maximum(-jnp.log(ACCURACY.next_to_bound), jnp.abs(z[i]) + 1.0)
+            far = jnp.maximum(-jnp.log(ENGINE.zero), jnp.abs(z[i]) + 1.0)
             ends = (-far, far)
         elif low is None and high is None:
             reach = ACCURACY.reach * jnp.maximum(jnp.abs(z[i]), 1.0)

@@ -18,6 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from ..hybrid.accuracy import ACCURACY as ENGINE
 from ._accuracy import ACCURACY
 from ._evaluate import Evaluation
 
@@ -178,7 +179,7 @@ class Walk(eqx.Module):
         )  # fmt: skip
         left = 0.5 * jnp.sum(here.along**2)  # what is still to gain
         # The minimum itself in more digits: the interval is measured from there.
-        good = left <= jnp.where(now.start, ACCURACY.minimum, ACCURACY.refit) * self.target
+        good = left <= jnp.where(now.start, ACCURACY.minimum, ENGINE.zero) * self.target
         most = jnp.where(now.start, ACCURACY.most_damping, ACCURACY.halted)
         tired = stalled | (now.inner >= ACCURACY.refit_steps) | (damping > most)
         close = tired & (left <= ACCURACY.refit_at_rest * self.target)

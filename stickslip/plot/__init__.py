@@ -18,6 +18,8 @@ is shown and nothing is saved: that is left to the caller, as is the backend.
 """
 
 from ._animate import animate as animate
+from ._basins import basins as basins
+from ._basins import shares as shares
 from ._block import Belt as Belt
 from ._block import Block as Block
 from ._block import Wall as Wall

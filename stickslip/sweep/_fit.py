@@ -17,7 +17,7 @@ from .._jaxpr import equations, nowhere
 from ..hybrid.executor import LOOP_NAME
 
 CHUNK_FUSED = 64  # lanes whose state fits the first-level cache
-CHUNK_PORTABLE = 1024  # more: each operation is dispatched by itself
+CHUNK_PORTABLE = 16 * CHUNK_FUSED  # more: each operation is dispatched by itself
 VECTOR = 8  # lanes of the widest vector unit of a CPU: below, the portable executor is no slower
 PORTABLE_INSTEAD = (
     "the compiler does not fuse this function: it is computed by the portable executor. Fewer output "

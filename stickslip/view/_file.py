@@ -21,7 +21,7 @@ from ._module import Functions, motion
 from ._page import failure, page_of
 
 LARGEST = 5_000_000  # bytes of the file
-MOST_POINTS = 450_000  # 4 bytes each, a third more as text: what the programs of the page leave
+MOST_POINTS = LARGEST * 9 // 100  # of 4 bytes, a third more as text: what the page's programs leave
 
 
 class Packed(NamedTuple):

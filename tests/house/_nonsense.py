@@ -34,6 +34,7 @@ from corexy_jax import _outputs as machine_outputs
 from corexy_jax import _simulate as machine
 from stickslip import _compilation_cache
 from stickslip.analysis import _attractor, _volume
+from stickslip.basin import _border, _judged
 from stickslip.contact import _dead_zone, _zonotope
 from stickslip.continuation import _continue
 from stickslip.control import _hunting
@@ -54,6 +55,7 @@ from stickslip.plot import _axes, _movie
 from stickslip.sweep import evaluate
 from tests.house import (
     _nonsense_analyses,
+    _nonsense_basin,
     _nonsense_continuation,
     _nonsense_control,
     _nonsense_engine,
@@ -83,6 +85,7 @@ TARGETS: list[Target] = [
     *_nonsense_structure.TARGETS,
     *_nonsense_control.TARGETS,
     *_nonsense_estimation.TARGETS,
+    *_nonsense_basin.TARGETS,
 ]
 OURS = tuple(str(pathlib.Path(m.__file__).parent) + os.sep for m in (stickslip, corexy_jax))
 LIMIT = 2.0  # s of the processor, so that a busy machine does not count
@@ -91,6 +94,8 @@ BEHIND = (
     (_simulate, "core"),
     (_continue, "begin"),
     (_hunting, "map_lanes"),
+    (_judged.Judged, "follow"),
+    (_border, "simulate"),
     (evaluate.Evaluate, "program"),
     (_compilation_cache, "_here"),
     (_methods.AbstractIterativeMethod, "solve"),

@@ -7,6 +7,7 @@ from typing import Any
 PACKAGES = (
     "stickslip", "stickslip.friction", "stickslip.contact", "stickslip.systems", "stickslip.sweep",
     "stickslip.derived", "stickslip.structure", "stickslip.control", "stickslip.estimation",
+    "stickslip.basin",
     "stickslip.analysis", "stickslip.continuation", "stickslip.identification", "stickslip.hybrid",
     "stickslip.plot",
     "corexy_jax",

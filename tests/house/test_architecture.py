@@ -122,7 +122,7 @@ def test_packages_of_the_toolkit_use_public_names_of_each_other():
     assert wrong == []
 
 
-ABOVE = ("analysis", "continuation", "control", "estimation", "plot", "structure")
+ABOVE = ("analysis", "basin", "continuation", "control", "estimation", "plot", "structure")
 MACHINES = ("friction", "contact", "mechanism", "structure", "systems", "control")
 # What each package of the toolkit does not know, whatever it builds on itself.
 UNKNOWN_TO = {
@@ -130,11 +130,12 @@ UNKNOWN_TO = {
     "friction": {"contact", "mechanism", "systems", "derived", "sweep", *ABOVE},
     "derived": {"friction", "contact", "mechanism", "systems", "sweep", *ABOVE},
     "mechanism": {"systems", "derived", "sweep", *ABOVE},
-    "analysis": {*MACHINES, "continuation", "estimation", "plot"},
-    "continuation": {*MACHINES, "estimation", "plot"},
-    "control": {"continuation", "estimation", "plot"},
-    "estimation": {*MACHINES, "continuation", "plot"},
-    "identification": {"systems", "analysis", "continuation", "estimation"},
+    "analysis": {*MACHINES, "basin", "continuation", "estimation", "plot"},
+    "basin": {*MACHINES, "estimation", "plot"},
+    "continuation": {*MACHINES, "basin", "estimation", "plot"},
+    "control": {"basin", "continuation", "estimation", "plot"},
+    "estimation": {*MACHINES, "basin", "continuation", "plot"},
+    "identification": {"systems", "analysis", "basin", "continuation", "estimation"},
     "sweep": {"friction", "contact", "mechanism", "systems", "derived", *ABOVE},
 }
 

@@ -16,8 +16,8 @@ MOST_ARGUMENTS = 9
 MOST_FIELDS = 16  # of a constructor: the parameters of a machine
 # Packages whose functions are named for what they do, and whose sentences begin with a subject.
 CLEAN = (
-    "analysis", "contact", "continuation", "control", "derived", "estimation", "friction", "hybrid",
-    "identification", "mechanism", "plot", "structure", "sweep", "systems", "view",
+    "analysis", "basin", "contact", "continuation", "control", "derived", "estimation", "friction",
+    "hybrid", "identification", "mechanism", "plot", "structure", "sweep", "systems", "view",
 )  # fmt: skip
 # Sentences that begin with their object, and words for which English has plainer ones.
 STUMBLES = re.compile(

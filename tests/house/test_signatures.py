@@ -25,6 +25,8 @@ REASONS = {
     "stickslip.estimation._kalman_filter.Filtered.result": RESULT,
     "stickslip.continuation._orbit.PeriodicOrbit.simulation": RESULT,
     "stickslip.continuation._forced_response.ForcedResponse.result": RESULT,
+    "stickslip.plot._basins.basins.options": LINES,
+    "stickslip.plot._basins.shares.options": LINES,
     "stickslip.plot._branch.branch.options": LINES,
     "stickslip.plot._frequency_response.backbone.options": LINES,
     "stickslip.plot._frequency_response.frequency_response.options": LINES,

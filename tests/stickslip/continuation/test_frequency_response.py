@@ -43,6 +43,7 @@ def transfer(s, w):
     return 1.0 / (s.stiffness - s.mass * w**2 + 1j * s.damping * w)
 
 
+@pytest.mark.more
 def test_a_linear_oscillator_is_its_transfer_function():
     """Amplitude, phase, mean, other harmonics; also of the speed, and with a force that leads."""
     system = Linear(1.3, lead=0.4, offset=2.0)

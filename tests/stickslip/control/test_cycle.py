@@ -36,6 +36,7 @@ class Continuous(AbstractMechanism):
         return {"guide": Contact(Coulomb(1.5, 1.0))}
 
 
+@pytest.mark.more
 def test_the_continuous_cycle_is_that_of_the_closed_form():
     system = Continuous()
     run = ss.simulate(system, 0.0, 40.0, system.state(x=0.1))
@@ -109,6 +110,7 @@ def test_a_block_that_sticks_while_the_integrator_winds_up_is_not_at_rest():
     assert found.verdict.tolist() == ["rests", "creeps"]
 
 
+@pytest.mark.more
 def test_slopes_of_a_cycle_under_jit():
     loop = under_pid(0.02)
 

@@ -70,6 +70,7 @@ def test_deviations_of_a_loop_are_its_derivatives():
     assert np.allclose(found, slopes, rtol=1e-6)
 
 
+@pytest.mark.more
 def test_friction_is_identified_through_the_loop():
     """From positions alone, with the controller known."""
     times = np.linspace(0.0, 1.5, 31)

@@ -173,6 +173,7 @@ def test_a_run_that_fails_says_so_and_has_no_numbers():
     assert np.all(np.isnan(found.estimate.means.x))
 
 
+@pytest.mark.more
 def test_lanes_are_runs_of_their_own():
     t, x = np.linspace(0.5, 6.0, 5), np.linspace(0.1, 0.6, 5)
 

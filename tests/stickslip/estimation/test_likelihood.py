@@ -22,6 +22,7 @@ def likelihood(values, t, x):
     return kalman_filter(system, 0.0, start, t, {"x": x}, place, noise).log_likelihood
 
 
+@pytest.mark.more
 def test_slopes_are_those_of_differences_forward_and_reverse():
     values = {
         "static": 1.0, "kinetic": 0.5, "belt": 0.3, "x": 0.5, "spread": 0.02, "noise": 0.02,

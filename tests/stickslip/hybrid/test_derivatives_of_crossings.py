@@ -81,6 +81,7 @@ def test_fused_lanes_have_the_same_derivatives(mode, slopes):
     np.testing.assert_allclose(found[0], slopes, rtol=0, atol=1e-7)
 
 
+@pytest.mark.more
 def test_steps_have_no_derivatives():
     """Their times are those that the integrator chose: forward they are not numbers, reverse raises."""
 

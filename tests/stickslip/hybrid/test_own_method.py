@@ -157,6 +157,7 @@ def test_implicit_methods_take_as_many_steps_as_the_tolerance_asks_for(size):
         assert float(found.y1.x) == pytest.approx(exact, abs=error * size)
 
 
+@pytest.mark.more
 def test_solvers_of_diffrax_take_states_with_empty_parts():
     """And have a forward derivative, which diffrax's own loop over the stages has not."""
     rule = ss.Integrator(dfx.Kvaerno3(), ss.AdaptiveStep(1e-6, 1e-6))

@@ -93,6 +93,7 @@ def test_covariance_is_that_of_repeated_experiments():
     assert np.all(np.abs(np.mean(logs, axis=0)) < 5 * np.sqrt(np.diag(predicted) / 499))
 
 
+@pytest.mark.more
 def test_products_that_cannot_be_seen():
     found = jax.tree.map(lambda a: a[0], many())
     matrix = found.sensitivity

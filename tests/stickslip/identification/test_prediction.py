@@ -224,6 +224,7 @@ def two_starts():
     return problem, problem.fit(start=NEAR)
 
 
+@pytest.mark.more
 def test_a_further_record_begins_where_its_first_part_says(two_starts):
     """Each record starts elsewhere: of a further one the start is found before what is scored."""
     problem, fit = two_starts
@@ -245,6 +246,7 @@ def test_a_further_record_begins_where_its_first_part_says(two_starts):
             act(fit, further)
 
 
+@pytest.mark.more
 def test_the_band_of_a_further_record_knows_of_its_start(two_starts):
     """The start is found again with other shared values, by differences, and has its own error."""
     problem, fit = two_starts

@@ -270,6 +270,7 @@ def test_orbit_of_one_component_is_drawn_over_time(tank):
     assert (plot.orbit(tank, 2, args=1.0, y="slope of u").get_xlabel()) == "u [m]"
 
 
+@pytest.mark.more
 def test_wrong_arguments_of_an_orbit(ring, block):
     size = len(ring)
     for at, kind, text in (

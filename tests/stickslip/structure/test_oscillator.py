@@ -107,6 +107,7 @@ def end(p):
 AT = jnp.array([0.1, 0.5, 1.0, 0.1, 0.3])
 
 
+@pytest.mark.more
 def test_derivatives_through_stick_and_slip_are_those_of_differences():
     step = 2e-5
 
@@ -124,6 +125,7 @@ def test_derivatives_through_stick_and_slip_are_those_of_differences():
     np.testing.assert_allclose(back, jnp.array([1.0, -0.5, 2.0]) @ slope, rtol=1e-9, atol=1e-11)
 
 
+@pytest.mark.more
 def test_lanes_are_what_each_is_alone():
     bounds = jnp.array([0.0, 0.03, 0.1, 0.4, 9.0])
     rows = jax.vmap(lambda f: AT.at[0].set(f))(bounds)

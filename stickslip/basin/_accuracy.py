@@ -1,0 +1,30 @@
+"""Numbers that decide in maps of basins, each with its unit and its meaning, chosen by us."""
+
+import dataclasses
+
+
+@dataclasses.dataclass(frozen=True)
+class Accuracy:
+    """Numbers that decide in maps of basins; `ACCURACY` is the one object of this class."""
+
+    rounds: int = 32
+    """Parts of the duration, after each of which motions are judged."""
+    many: int = 128
+    """Pieces of an orbit, at least: its cubics are then off by some 1e-8 of its size. Motions about an
+    attractor at each radius that is looked at. States between two at rest, all of which must be."""
+    few: int = 8
+    """Places of an orbit about which motions are looked at. Motions that are asked for an attractor in
+    one go."""
+    levels: int = 12
+    """Radii about an attractor, each half of the one before, at which motions are looked at."""
+    near: float = 0.1
+    """Part of the motions' size: an unstable motion so near to one from the border is on it."""
+    same: float = 1e-6
+    """The same: an attractor nearer to another one is that one."""
+    block: int = 8 * many
+    """Motions in one call of their program."""
+    corners: int = 32 * block
+    """Of the polygon that stands for an orbit."""
+
+
+ACCURACY = Accuracy()

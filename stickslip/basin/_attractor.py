@@ -1,0 +1,226 @@
+"""Attractors: found from where motions end, and the distance within which motions come nearer."""
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import scipy.optimize
+from jax.flatten_util import ravel_pytree
+
+from .._jit_by_code import jit_by_code
+from .._show import number
+from ..analysis.held_directions import held_directions
+from ..continuation import Equilibrium, OrbitGuess, PeriodicOrbit, orbit_guess, periodic_orbit
+from ..hybrid import AdaptiveStep, Integrator, SaveAt, simulate
+from ..hybrid.accuracy import ACCURACY as ENGINE
+from ._accuracy import ACCURACY
+from ._lanes import Lanes, flat, rows_of
+from ._rests import same_set
+from ._tube import Tube, distances, stack_of, tube_of
+
+
+class Attractor(NamedTuple):
+    """A motion to which others come.
+
+    - `name`: its kind and its number. `kind`: `"fixed point"`, `"orbit"`, or `"rest"`: all states of
+      one mode in which nothing moves, and that hang together.
+    - `motion`: an `Equilibrium`, a `PeriodicOrbit`, or of a rest one state of it.
+    - `mode`: number of the mode, of an orbit at its start.
+    - `radius`: distance in parts of the size of the motions, within which all that were looked at come
+      nearer; 0 of a rest, which a motion has come to or not. `tube`: where the distance is taken from.
+    """
+
+    name: str
+    kind: str
+    motion: Any
+    mode: int
+    radius: float = 0.0
+    tube: Tube | None = None
+
+    @property
+    def words(self) -> str:
+        """Its name, with the period of an orbit."""
+        if self.kind != "orbit":
+            return self.name
+        orbit: Any = self.motion
+        period = float(orbit.period) / int(orbit.repeats)
+        return (
+            f"{self.name}, {number(period)} s, {int(orbit.events.count) // int(orbit.repeats)} events"
+        )
+
+
+class Search(NamedTuple):
+    """The motions as far as they are known while attractors are looked for."""
+
+    lanes: Lanes
+    scale: np.ndarray  # extent of each component
+    turn: np.ndarray  # period of each component, infinite where it has none
+    duration: float
+    forcing_period: float | None
+
+
+def motions_at(search: Search, t: float, y: np.ndarray, mode: int) -> Iterator["Found"]:
+    """The fixed point and the orbit near a state, those that there are, stable or not."""
+    ways = (fixed_point_at, orbit_at) if search.forcing_period is None else (orbit_at,)
+    for way in ways:
+        found = way(search, t, y, mode)
+        if found is not None:
+            yield found
+
+
+class Found(NamedTuple):
+    """A motion that returns, and how others beside it do: `rate` of the slowest [1/s], `wait` until
+    their distance is known to be halved [s]."""
+
+    attractor: Attractor
+    rate: float
+    wait: float
+
+
+@jit_by_code
+def _rates(system, args, unravel, t, mode, z, scale):
+    def rates(z):
+        return ravel_pytree(system.vector_field(t, unravel(z * scale), mode, args))[0] / scale
+
+    return rates(z), jax.jacfwd(rates)(z)
+
+
+def fixed_point_at(search: Search, t: float, y: np.ndarray, mode: int) -> Found | None:
+    """The state near `y` at which the field of a mode is zero."""
+    lanes, scale = search.lanes, search.scale
+    number_of_mode = jnp.asarray(mode, lanes.mode_type)
+
+    def rates(z):
+        found = _rates(lanes.system, lanes.args, lanes.unravel, t, number_of_mode, z, scale)
+        return tuple(np.nan_to_num(np.asarray(a), posinf=0.0, neginf=0.0) for a in found)
+
+    z = scipy.optimize.root(rates, y / scale, jac=True, method="hybr", tol=ENGINE.slack).x
+    values, jacobian = rates(z)
+    eigenvalues = np.linalg.eigvals(jacobian)
+    largest = float(np.max(np.abs(eigenvalues), initial=0.0))
+    if not np.max(np.abs(values)) <= ENGINE.zero * largest * max(np.max(np.abs(z)), 1.0):
+        return None
+    eigenvalues = eigenvalues[np.lexsort((-eigenvalues.imag, -eigenvalues.real))]
+    rate = float(eigenvalues[0].real)
+    rate = 0.0 if abs(rate) <= ENGINE.zero * largest else rate
+    size, state = len(z), z * scale
+    tube = tube_of((None, state[None], None), [mode], np.eye(size), scale, search.turn)
+    motion = Equilibrium(
+        lanes.unravel(state), np.asarray(mode), eigenvalues, np.asarray(np.nan), np.zeros(size)
+    )
+    swing = float(np.max(np.abs(eigenvalues.imag)))
+    wait = max(2.0 * np.log(2.0) / abs(rate) if rate else np.inf, 2.0 * np.pi / swing if swing else 0.0)
+    return Found(Attractor("fixed point", "fixed point", motion, mode, tube=tube), rate, wait)
+
+
+def orbit_at(search: Search, t: float, y: np.ndarray, mode: int) -> Found | None:
+    """The periodic orbit that the motion from `y` comes near to."""
+    lanes, forcing = search.lanes, search.forcing_period
+    state = lanes.unravel(y)
+    longest = search.duration / 4 if forcing is None else ACCURACY.few * forcing
+    guess = orbit_guess(
+        lanes.system, state, transient=0.0, max_period=longest, forcing_period=forcing, t0=t,
+        mode0=mode, args=lanes.args,
+    )  # fmt: skip
+    if not np.isfinite(guess.period):
+        return None
+    if forcing is not None:
+        # At a time at which motions are judged.
+        guess = OrbitGuess(state, guess.period, mode, t)
+    return orbit_of(search, guess)
+
+
+def orbit_of(search: Search, guess: OrbitGuess | PeriodicOrbit) -> Found | None:
+    """The periodic orbit near a guess, with the tube about it."""
+    lanes, forcing = search.lanes, search.forcing_period
+    orbit = periodic_orbit(lanes.system, guess, forced=forcing is not None, args=lanes.args)
+    if not bool(orbit.successful):
+        return None
+    t0, period = float(orbit.t0), float(orbit.period) / int(orbit.repeats)
+    # Motions under a force are looked at after whole periods of it, others at any time.
+    if forcing is not None:
+        saved = SaveAt(ts=t0 + forcing * np.arange(round(period / forcing)))
+    else:
+        saved = SaveAt(steps=True)
+    # As an array: a number of Python would be a part of the program.
+    step = jnp.asarray(np.inf if forcing is not None else period / ACCURACY.many)
+    fine = Integrator(step=AdaptiveStep(1e-10, dtmax=step))
+    run = simulate(
+        lanes.system, t0, t0 + period, orbit.y0, orbit.mode0, lanes.args, integrator=fine, saveat=saved
+    )
+    rows: Any = run.steps if forcing is None else run.outputs
+    count = int(rows.count)
+    t, mode = np.asarray(rows.t)[:count], np.asarray(rows.mode)[:count]
+    y, slope = (rows_of(tree, len(rows.t))[:count] for tree in (rows.y, rows.dy))
+    across = np.eye(y.shape[1]) - np.asarray(orbit.neutral)
+    slopes = slope if forcing is None else None
+    tube = tube_of((t, y, slopes), mode, across, search.scale, search.turn)
+    largest = float(np.max(np.abs(orbit.multipliers), initial=0.0))
+    # One that is 0 needs one round, and one that is 1 never comes nearer.
+    rate = np.log(max(largest, ENGINE.tiny)) / float(orbit.period)
+    rate = 0.0 if bool(orbit.stable) != (rate < 0.0) else rate
+    rounds = max(np.ceil(-2.0 * np.log(2.0) / (rate * period)), 1.0) if rate < 0.0 else np.inf
+    attractor = Attractor("orbit", "orbit", orbit, int(orbit.mode0), tube=tube)
+    return Found(attractor, float(rate), float(rounds * period))
+
+
+@jit_by_code
+def _deviations_in(system, args, unravel, t, y, modes, scale):
+    def one(y, mode):
+        return held_directions(system, t, unravel(y), mode, args, scale, jnp.ones_like(scale))
+
+    return jax.vmap(one)(y, modes)
+
+
+def with_radius(search: Search, t: float, found: Found) -> Attractor | None:
+    """The attractor with the largest radius within which motions come nearer; None without.
+
+    From the border of each of several balls about places of the attractor, each half as large as the
+    one before, all motions looked at must be in the ball of half the radius at the end of `wait`, in
+    which the linear motion halves its distance twice. Deviations are those that the mode allows.
+    """
+    lanes, tube, count = search.lanes, found.attractor.tube, ACCURACY.many
+    assert tube is not None
+    end = min(found.wait, search.duration)
+    if search.forcing_period is not None:
+        end = search.forcing_period * max(round(end / search.forcing_period), 1)
+    # A slower one is judged by what the time allows.
+    share = max(0.5, 0.5 * (1.0 + np.exp(found.rate * end)))
+    place = np.linspace(0, len(tube.mode) - 1, ACCURACY.few).astype(int)
+    mode = jnp.asarray(tube.mode[place], lanes.mode_type)
+    allowed = _deviations_in(
+        lanes.system, lanes.args, lanes.unravel, t, tube.start[place], mode, tube.scale
+    )
+    which = np.arange(count) % ACCURACY.few
+    random = np.random.default_rng(0).standard_normal((count, len(tube.scale)))
+    ways = np.einsum("kij,kj->ki", np.asarray(allowed)[which], random)
+    length = np.linalg.norm(ways, axis=1, keepdims=True)
+    ways = ways / np.where(length > 0.0, length, 1.0)
+    radii = 0.5 ** np.arange(1.0, ACCURACY.levels + 1)
+    start = tube.start[place[which]]
+    y = (start + radii[:, None, None] * ways * tube.scale).reshape(-1, len(tube.scale))
+    moved = lanes(t, t + end, y, np.tile(tube.mode[place[which]], ACCURACY.levels))
+    away = np.where(moved.successful, distances(stack_of([tube]), moved.y, moved.mode)[:, 0], np.inf)
+    nearer = np.max(away.reshape(ACCURACY.levels, count), axis=1) <= share * radii
+    fine = np.logical_and.accumulate(nearer[::-1])[::-1]
+    if not fine[-1]:
+        return None
+    # Half of it: between the directions there are others.
+    return found.attractor._replace(radius=0.5 * float(radii[np.argmax(fine)]))
+
+
+def successor_of(search: Search, before: Attractor) -> Attractor | None:
+    """The attractor of a system with other parameters that is the same one, if there is."""
+    if before.kind == "rest":
+        y, mode = flat(before.motion), before.mode
+        return before if same_set(search.lanes, 0.0, mode, y, y[None])[0] else None
+    if before.kind == "orbit":
+        found = orbit_of(search, before.motion)
+    else:
+        found = fixed_point_at(search, 0.0, flat(before.motion.y), before.mode)
+    if found is None or not found.rate < 0.0:
+        return None
+    new = with_radius(search, 0.0, found)
+    return None if new is None else new._replace(name=before.name)

@@ -1,0 +1,85 @@
+"""Many motions of one system that go on together, a span at a time."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.flatten_util import ravel_pytree
+from jaxtyping import PyTree
+
+from .._outcome import names_of
+from ..hybrid import AbstractHybridSystem, Integrator, SaveAt, simulate
+from ..hybrid.system import mode_type
+from ..hybrid.tree import with_float_arrays
+from ..sweep import map_lanes
+from ._accuracy import ACCURACY
+
+
+class Moved(NamedTuple):
+    """Motions at the end of a span: flat states `[lane, size]`, modes, whether all rates are zero."""
+
+    t: Any
+    y: Any
+    mode: Any
+    still: Any
+    successful: Any
+    result: Any
+
+
+class Lanes:
+    """The program that moves flat states on; one for all numbers that the system holds."""
+
+    def __init__(self, system: AbstractHybridSystem, args: PyTree, integrator: Integrator, y0: PyTree):
+        self.system, self.args = with_float_arrays((system, args))
+        self.integrator, self.mode_type = integrator, mode_type(system)
+        self.unravel: Callable[[Any], PyTree] = ravel_pytree(y0)[1]
+        self.numbers, self.rest = eqx.partition((self.system, self.args), eqx.is_array)
+        self.program = map_lanes(self._run)
+
+    def _run(self, numbers, t0, t1, y, mode):
+        system, args = eqx.combine(numbers, self.rest)
+        state = self.unravel(y)
+        own = jnp.asarray(system.initial_mode(t0, state, args), self.mode_type)
+        found = simulate(
+            system, t0, t1, state, jnp.where(mode < 0, own, mode.astype(self.mode_type)), args,
+            integrator=self.integrator, saveat=SaveAt(max_events=None), throw=False,
+        )  # fmt: skip
+        still = [jnp.all(leaf == 0.0) for leaf in jax.tree.leaves(found.dy1)]
+        return Moved(
+            found.t1, ravel_pytree(found.y1)[0], found.mode1, jnp.all(jnp.stack(still)),
+            found.successful, found.result,
+        )  # fmt: skip
+
+    def __call__(self, t0: Any, t1: Any, y: Any, mode: Any) -> Moved:
+        """Motions from `t0` to `t1` [s], one for all or for each lane; a mode below zero is the
+        system's own."""
+        count = len(y)
+        t0, t1 = (np.broadcast_to(np.asarray(t, float), count) for t in (t0, t1))
+        found = []
+        # In blocks of one size, whose last is filled up with motions of no duration: one program.
+        for begin in range(0, count, ACCURACY.block):
+            place = np.arange(begin, begin + ACCURACY.block)
+            here = np.minimum(place, count - 1)
+            end = np.where(place < count, t1[here], t0[here])
+            numbers = jax.tree.map(
+                lambda a: np.broadcast_to(np.asarray(a), (ACCURACY.block, *np.shape(a))), self.numbers
+            )
+            block = self.program(numbers, t0[here], end, y[here], np.asarray(mode)[here])
+            block = block._replace(result=names_of(block.result))
+            kept = min(count - begin, ACCURACY.block)
+            found.append(Moved(*(np.asarray(a)[:kept] for a in block)))
+        return Moved(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
+
+
+def flat(y: PyTree) -> np.ndarray:
+    """A state as a row of numbers."""
+    return np.concatenate([np.ravel(leaf) for leaf in jax.tree.leaves(y)])
+
+
+def rows_of(tree: PyTree, count: int) -> np.ndarray:
+    """States with axes in front that have `count` places, as rows of numbers `[place, size]`."""
+    leaves = [np.asarray(leaf).reshape(count, -1) for leaf in jax.tree.leaves(tree)]
+    return np.concatenate(leaves, axis=1)

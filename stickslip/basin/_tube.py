@@ -1,0 +1,105 @@
+"""The neighbourhood of an attractor in which motions are seen to come nearer to it."""
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+
+class Tube(NamedTuple):
+    """Pieces of a motion in the space of the states: cubics through their ends and slopes.
+
+    - `start`, `end`: `[piece, size]`; `leaving`, `arriving`: slopes there times the duration of the
+      piece. A single state is a piece that ends where it starts.
+    - `mode`: `[piece]`, -1 for pieces that fill up the array.
+    - `across`: `[size, size]`, takes the shifts out of a difference that change nothing.
+    - `scale`, `turn`: `[size]`, the size of each component, and of an angle its period, otherwise
+      infinite.
+    """
+
+    start: np.ndarray
+    end: np.ndarray
+    leaving: np.ndarray
+    arriving: np.ndarray
+    mode: np.ndarray
+    across: np.ndarray
+    scale: np.ndarray
+    turn: np.ndarray
+
+
+def tube_of(rows: Any, modes: Any, across: Any, scale: Any, turn: Any) -> Tube:
+    """A tube about rows `(t, y, dy)` of one motion, one about each row where there are no slopes."""
+    t, y, slope = rows
+    modes = np.asarray(modes, np.int64)
+    if slope is None:
+        none = np.zeros_like(y)
+        return Tube(y, y, none, none, modes, across, scale, turn)
+    span = np.diff(t)[:, None]
+    whole = (span[:, 0] > 0.0) & (modes[1:] == modes[:-1])
+    leaving, arriving = (slope[:-1] * span)[whole], (slope[1:] * span)[whole]
+    return Tube(y[:-1][whole], y[1:][whole], leaving, arriving, modes[:-1][whole], across, scale, turn)
+
+
+def stack_of(tubes: list[Tube]) -> Tube:
+    """Tubes with one more axis in front, as many as a power of two and as long as one."""
+    pieces = 1 << max(max(len(tube.mode) for tube in tubes) - 1, 0).bit_length()
+
+    def longer(tube: Tube) -> Tube:
+        more = pieces - len(tube.mode)
+        rows = {name: np.pad(getattr(tube, name), ((0, more), (0, 0))) for name in Tube._fields[:4]}
+        return tube._replace(mode=np.pad(tube.mode, (0, more), constant_values=-1), **rows)
+
+    count = 1 << (len(tubes) - 1).bit_length()
+    none = tubes[0]._replace(mode=np.full_like(tubes[0].mode, -1))
+    rows = [longer(tube) for tube in [*tubes, *[none] * (count - len(tubes))]]
+    return jax.tree.map(lambda *leaves: np.stack(leaves), *rows)
+
+
+def distances(tubes: Tube, y: np.ndarray, mode: np.ndarray) -> np.ndarray:
+    """How far each state `[lane, size]` is from each tube, in parts of its sizes, `[lane, tube]`;
+    infinite in another mode."""
+    return np.asarray(_distances(tubes, y, np.asarray(mode, np.int64)))
+
+
+@eqx.filter_jit
+def _distances(tubes: Tube, y: Any, mode: Any) -> Any:
+
+    def of_one(tube: Tube, y, mode):
+        is_angle = jnp.isfinite(tube.turn)
+        turn = jnp.where(is_angle, tube.turn, 1.0)[None, :]
+
+        def scaled(rows):
+            return (rows @ tube.across.T) / tube.scale[None, :]
+
+        def apart(place):
+            away = y[None, :] - place
+            return scaled(away - jnp.where(is_angle[None, :], turn * jnp.round(away / turn), 0.0))
+
+        def towards(part, place, slope):
+            """Nearer to the foot of the perpendicular on the cubics, by a step of Gauss and Newton."""
+            length = jnp.sum(slope**2, axis=1, keepdims=True)
+            move = jnp.sum(apart(place) * slope, axis=1, keepdims=True)
+            return jnp.clip(part + move / jnp.where(length > 0.0, length, 1.0), 0.0, 1.0)
+
+        none = jnp.zeros((tube.start.shape[0], 1))
+        part = towards(none, tube.start, scaled(tube.end - tube.start))
+        for _ in range(2):
+            place, slope = _cubic(tube, part)
+            part = towards(part, place, scaled(slope))
+        away = jnp.linalg.norm(apart(_cubic(tube, part)[0]), axis=1)
+        return jnp.min(jnp.where(tube.mode == mode, away, jnp.inf))
+
+    of_all = jax.vmap(of_one, in_axes=(0, None, None))
+    return jax.lax.map(lambda lane: of_all(tubes, *lane), (y, mode), batch_size=64)
+
+
+def _cubic(tube: Tube, s: Any) -> tuple[Any, Any]:
+    """Hermite's cubic and its slope at a part `s` of each piece."""
+    rise = tube.end - tube.start
+    a = tube.leaving - rise
+    b = rise - tube.arriving
+    value = tube.start + s * rise + s * (1.0 - s) * (a * (1.0 - s) + b * s)
+    slope = rise + (1.0 - 2.0 * s) * (a * (1.0 - s) + b * s) + s * (1.0 - s) * (b - a)
+    return value, slope

@@ -1,0 +1,174 @@
+"""Attractors and their basins, beside SciPy and closed forms."""
+
+import numpy as np
+import pytest
+
+import stickslip as ss
+from stickslip import plot
+from stickslip.basin import Settle, basins, basins_over, border_motion, share_inside
+from tests.stickslip.basin._systems import (
+    BOX,
+    SHARES,
+    OnBelt,
+    TwoWells,
+    Wells,
+    sliding_border,
+    well,
+)
+
+SQUARE = {"x": (-2.0, 2.0), "v_x": (-2.0, 2.0)}
+
+
+@pytest.fixture(scope="module")
+def wells():
+    return basins(Wells(), Wells().state(), SQUARE, Settle(100.0), points=(12, 12))
+
+
+def test_each_start_comes_to_its_well(wells):
+    x, v = np.asarray(wells.starts.x), np.asarray(wells.starts.v_x)
+    place = [np.sign(float(a.motion.y.x)) for a in wells.attractors]
+    assert sorted(place) == [-1, 1]
+    assert np.all(wells.code >= 0)
+    found = np.array(place)[wells.code]
+    rng = np.random.default_rng(0)
+    for i, j in rng.integers(0, 12, (40, 2)):
+        assert found[i, j] == well(x[i, j], v[i, j]), (x[i, j], v[i, j])
+
+
+def test_what_is_symmetric_has_symmetric_basins(wells):
+    assert np.all(wells.code + wells.code[::-1, ::-1] == 1)
+    assert wells.shares == {"fixed point 1": 0.5, "fixed point 2": 0.5}
+
+
+def test_fixed_points_are_where_the_force_is_zero(wells):
+    for attractor in wells.attractors:
+        assert abs(abs(float(attractor.motion.y.x)) - 1.0) < 1e-12
+        expected = -0.15 + 1j * np.sqrt(2.0 - 0.15**2)
+        assert np.allclose(attractor.motion.eigenvalues, [expected, np.conj(expected)], rtol=1e-12)
+
+
+def test_motions_enter_as_fast_as_they_decay(wells):
+    """From the entry on, the linear motion is nearer than the radius: never before."""
+    assert np.all((wells.entry > 0.0) & (wells.entry <= 100.0))
+    radius = min(a.radius for a in wells.attractors)
+    # The slowest decays with 0.15/s from a distance of about the size.
+    assert np.max(wells.entry) < 3.0 * np.log(1.0 / radius) / 0.15
+
+
+def test_between_two_wells_is_the_saddle(wells):
+    saddle = border_motion(Wells(), wells, ("fixed point 1", "fixed point 2"), Settle(100.0))
+    assert abs(float(saddle.y.x)) < 1e-12
+    rates = -0.15 + np.array([1.0, -1.0]) * np.sqrt(0.15**2 + 1.0)
+    assert np.allclose(saddle.eigenvalues, rates, rtol=1e-12)
+
+
+def test_a_further_map_compiles_nothing(wells, compiled):
+    compiled.clear()
+    basins(Wells(0.4), Wells().state(), SQUARE, Settle(90.0), points=(12, 12))
+    assert compiled == []
+
+
+def test_points_of_sobol_and_grids_agree(wells):
+    found = basins(Wells(), Wells().state(), SQUARE, Settle(100.0), points=256, known=wells.attractors)
+    assert found.attractors == wells.attractors
+    assert abs(found.shares["fixed point 1"] - 0.5) < 3.0 * found.errors["fixed point 1"]
+
+
+def test_too_short_a_time_settles_nothing_and_says_so(wells):
+    found = basins(Wells(0.01), Wells().state(), SQUARE, Settle(5.0), points=(4, 4))
+    assert found.shares["not settled"] == 1.0
+    assert np.all(np.isnan(found.entry))
+
+
+def test_motions_that_leave_and_runs_that_fail():
+    limits = Settle(20.0, limits={"x": (-1.5, 1.5)})
+    found = basins(Wells(-0.1), Wells().state(), SQUARE, limits, points=(4, 4))
+    assert set(found.shares) == {"left the limits"}
+    few = ss.Integrator(max_steps=3)
+    found = basins(Wells(), Wells().state(), SQUARE, Settle(20.0), points=(4, 4), integrator=few)
+    assert set(found.shares) == {"failed"}
+    assert set(found.failure.ravel()) == {"max_steps_reached"}
+
+
+@pytest.mark.parametrize(
+    ("friction", "count"),
+    # Friction holds where the force of the wells is less: in one interval if it holds everywhere
+    # between them, where the force has its maximum 2 / 27**0.5, otherwise in three.
+    [(0.05, 3), (0.38, 3), (0.39, 1)],
+)
+def test_sets_of_rest_are_those_that_hang_together(friction, count):
+    system = TwoWells(friction, 0.1)
+    found = basins(system, system.state(), SQUARE, Settle(200.0), points=(16, 16))
+    assert [a.kind for a in found.attractors] == ["rest"] * count
+    ends = [float(a.motion.x) for a in found.attractors]
+    assert all(abs(x - x**3) <= friction for x in ends)
+    if count == 3:
+        shares = {
+            np.sign(round(x)): found.shares[a.name] for x, a in zip(ends, found.attractors, strict=True)
+        }
+        assert shares[-1.0] == shares[1.0]
+
+
+@pytest.fixture(scope="module")
+def on_belt():
+    return basins(OnBelt(), OnBelt().state(), BOX, Settle(300.0), points=(24, 24))
+
+
+@pytest.mark.more
+def test_no_start_is_called_wrongly(on_belt):
+    kinds = {a.name: a.kind for a in on_belt.attractors}
+    assert sorted(kinds.values()) == ["fixed point", "orbit"]
+    inside = sliding_border(1.5).contains_points(
+        np.stack([np.ravel(on_belt.starts.x), np.ravel(on_belt.starts.v_x)], axis=1)
+    )
+    names = np.array([on_belt.names[code] for code in on_belt.code.ravel()])
+    expected = np.where(inside, "fixed point 1", "orbit 1")
+    assert np.all((names == expected) | (names == "not settled"))
+    assert np.mean(names == "not settled") < 0.01
+
+
+@pytest.mark.more
+@pytest.mark.parametrize("belt", [1.25, 1.5])
+def test_the_border_is_the_unstable_orbit(belt, on_belt):
+    """The shares of `spec/next.md` 3, of which eight digits are given."""
+    system = OnBelt(belt)
+    found = basins(system, system.state(), BOX, Settle(400.0), points=(8, 8))
+    orbit = border_motion(system, found, ("fixed point 1", "orbit 1"), Settle(400.0))
+    assert not bool(orbit.stable)
+    assert abs(share_inside(system, orbit, BOX) - SHARES[belt]) < 2e-8
+
+
+@pytest.mark.more
+def test_near_the_hopf_point_slow_motions_are_not_settled(on_belt):
+    """At ln(10)/2 = 1.151 the fixed point loses its stability; it attracts with 9e-4/s here."""
+    system = OnBelt(1.16)
+    found = basins(system, system.state(), BOX, Settle(300.0), points=(24, 24))
+    inside = sliding_border(1.16).contains_points(
+        np.stack([np.ravel(found.starts.x), np.ravel(found.starts.v_x)], axis=1)
+    )
+    for code, within in zip(found.code.ravel(), inside, strict=True):
+        kind = found.attractors[code].kind if code >= 0 else None
+        assert kind in ((None, "fixed point") if within else (None, "orbit"))
+
+
+@pytest.mark.more
+def test_attractors_keep_their_names_over_a_parameter(on_belt):
+    speeds = [1.5, 1.4, 1.3]
+    found = basins_over(OnBelt(), "belt", speeds, OnBelt().state(), BOX, Settle(400.0), points=(16, 16))
+    assert set(found.shares) <= {"fixed point 1", "orbit 1", "not settled"}
+    sliding = found.shares["fixed point 1"]
+    assert sliding[0] > sliding[1] > sliding[2]
+    for speed, one in zip(speeds, found.maps, strict=True):
+        place = next(a.motion.y.x for a in one.attractors if a.kind == "fixed point")
+        assert abs(float(place) - 0.5 - 0.5 * np.exp(-2.0 * speed)) < 1e-12
+    assert plot.shares(found).get_xlabel() == "belt"
+
+
+def test_a_map_is_drawn_and_a_dataset(wells):
+    axis = plot.basins(wells, Wells())
+    assert (axis.get_xlabel(), axis.get_ylabel()) == ("x [m]", "v_x [m/s]")
+    data = wells.to_dataset(Wells())
+    assert data.code.dims == ("x", "v_x")
+    assert float(data.x[0]) == -2.0 + 2.0 / 12
+    assert "fixed point 1" in data.code.attrs["flag_meanings"]
+    assert "fixed point 1: 0.5 +- 0.04" in str(wells)
