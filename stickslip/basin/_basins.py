@@ -149,7 +149,8 @@ def basins(
     - `settle`: a `Settle`: for how long, period of the forcing, limits.
     - `points`: how many, spread evenly after Sobol, at best a power of two; or the cells of a grid, a
       number for each component of the box, whose middles are the starts.
-    - `known`: attractors that keep their numbers, such as those of an earlier map of this system.
+    - `known`: attractors of an earlier map, of other starts or parameters. They keep their names where
+      Newton's method leads from there to one that attracts.
 
     **Returns** `Basins`. It runs outside `jit`, and has no derivatives.
 
@@ -163,16 +164,11 @@ def basins(
         check_type(f"known[{k}]", attractor, Attractor, "an Attractor")
     if integrator is not None:
         check_type("integrator", integrator, Integrator, "an Integrator or None")
-    y, shape = starts_in(y0, box, points)
+    y, shape = _starts_in(y0, box, points)
     lanes = Lanes(system, args, Integrator() if integrator is None else integrator, y0)
     judged = Judged(lanes, settle, y, turns(system, y0), known)
     judged.follow()
-    return basins_of(judged, box, y, shape)
-
-
-def basins_of(judged: Judged, box: dict, y: np.ndarray, shape: tuple[int, ...]) -> Basins:
-    """The result of motions that were followed from the rows of `y`."""
-    starts = jax.vmap(judged.lanes.unravel)(y)
+    starts = jax.vmap(lanes.unravel)(y)
     return Basins(
         tuple(judged.attractors),
         box,
@@ -210,7 +206,7 @@ def turns(system: AbstractHybridSystem, y0: PyTree) -> np.ndarray:
     return np.concatenate(parts)
 
 
-def starts_in(
+def _starts_in(
     y0: PyTree, box: Mapping[str, tuple[float, float]], points: Any
 ) -> tuple[np.ndarray, tuple[int, ...]]:
     """Flat states of a box, `[start, size]`, and the shape of their grid."""

@@ -49,33 +49,41 @@ def border_motion(
     """
     check_type("found", found, Basins, "a Basins")
     check_type("settle", settle, Settle, "a Settle(duration)")
+    if integrator is not None:
+        check_type("integrator", integrator, Integrator, "an Integrator or None")
     names = [attractor.name for attractor in found.attractors]
     if not isinstance(between, tuple) or len(between) != 2 or between[0] == between[1]:
         raise refusal("between", between, f"a pair of two of {', '.join(names)}")
-    codes = [names.index(check_in("between", name, names)) for name in between]
-    states = rows_of(found.starts, found.code.size)
-    ends = [states[np.ravel(found.code) == code] for code in codes]
-    for name, rows in zip(between, ends, strict=True):
-        if not len(rows):
+    rows = rows_of(found.starts, found.code.size)
+    ends = []
+    for name in between:
+        ends.append(rows[np.ravel(found.code) == names.index(check_in("between", name, names))])
+        if not len(ends[-1]):
             raise refusal("between", name, "an attractor that a start of `found` comes to")
-    width = np.ptp(states, axis=0)
+    width = np.ptp(rows, axis=0)
     width = np.where(width > 0.0, width, 1.0)
     one, other = _nearest(ends[0] / width, ends[1] / width) * width
     axes = found.code.ndim
     first = jax.tree.map(lambda leaf: leaf.reshape(-1, *leaf.shape[axes:])[0], found.starts)
     y0, _ = check_start(system, first, found.box, settle, args)
     lanes = Lanes(system, args, Integrator() if integrator is None else integrator, y0)
+    turn = turns(system, y0)
+    attractors = Judged(lanes, settle, rows[:1], turn, found.attractors).attractors
+    names = [attractor.name for attractor in attractors]
+    if not set(between) <= set(names):
+        raise refusal("found", between, f"of the same system, whose attractors are {', '.join(names)}")
+    codes = [names.index(name) for name in between]
 
-    def motions_at_parts(part: np.ndarray) -> Judged:
-        y = one + part[:, None] * (other - one)
-        motions = Judged(lanes, settle, y, turns(system, y0), found.attractors)
+    def codes_at(part: np.ndarray) -> np.ndarray:
+        motions = Judged(lanes, settle, one + part[:, None] * (other - one), turn)
+        motions.attractors = attractors
         motions.follow(finds=False)
-        return motions
+        return motions.code
 
     low, high = 0.0, 1.0
     while True:
         part = np.linspace(low, high, ACCURACY.block)
-        code = motions_at_parts(part).code
+        code = codes_at(part)
         # The last that comes to the first attractor before any that does not, the first to the other.
         at = int(np.argmax(code != codes[0])) - 1
         beyond = at + 1 + int(np.argmax(code[at + 1 :] == codes[1]))
@@ -83,7 +91,7 @@ def border_motion(
         if not known or (part[at], part[beyond]) == (low, high):
             break
         low, high = part[at], part[beyond]
-    motion = _on_border(lanes, settle, one + 0.5 * (low + high) * (other - one), turns(system, y0))
+    motion = _on_border(lanes, settle, one + 0.5 * (low + high) * (other - one), turn)
     if motion is None:
         allowed = "two attractors between whose basins there is an unstable fixed point or orbit"
         raise refusal("between", between, allowed, but="none was found")
@@ -114,7 +122,7 @@ def _nearest(one: np.ndarray, other: np.ndarray) -> np.ndarray:
     """The nearest two of two sets of points."""
     away, at = KDTree(other).query(one)
     i = int(np.argmin(away))
-    return np.stack([one[i], other[at[i]]])
+    return np.stack([one[i], other[int(np.ravel(at)[i])]])
 
 
 def share_inside(

@@ -5,7 +5,7 @@ import numpy as np
 from ..hybrid.components import numbers_of
 from ..progress import Progress
 from ._accuracy import ACCURACY
-from ._attractor import Attractor, Search, motions_at, with_radius
+from ._attractor import Attractor, Search, motions_at, successor_of, with_radius
 from ._lanes import Lanes, flat
 from ._rests import same_set
 from ._settle import Settle
@@ -18,12 +18,14 @@ OTHERS = {NOT_SETTLED: "not settled", LEFT: "left the limits", FAILED: "failed"}
 class Judged:
     """Motions from flat states `y`, `[lane, size]`, from time 0 on, and the attractors so far.
 
+    `known`: attractors of other motions, of which those that the system has keep their names.
+
     `code`: number of the attractor, or one of `OTHERS`; `entry` [s]: when that was known first.
     """
 
     def __init__(
         self, lanes: Lanes, settle: Settle, y: np.ndarray, turn: np.ndarray,
-        attractors: tuple[Attractor, ...] = (),
+        known: tuple[Attractor, ...] = (),
     ):  # fmt: skip
         self.lanes, self.settle, self.turn = lanes, settle, turn
         count, size = y.shape
@@ -32,8 +34,13 @@ class Judged:
         self.code, self.entry = np.full(count, NOT_SETTLED), np.full(count, np.nan)
         self.failure = np.full(count, "", object)
         self.low, self.high = np.min(y, axis=0), np.max(y, axis=0)
-        self.attractors = list(attractors)
-        self.named = [attractor.name for attractor in attractors]  # that there are and that there were
+        self.named = [attractor.name for attractor in known]  # that there are and that there were
+        self.attractors: list[Attractor] = []
+        for before in known:
+            scale = np.ones(size) if before.tube is None else before.tube.scale
+            found = successor_of(self.search._replace(scale=scale), before)
+            if found is not None:
+                self.attractors.append(found)
         names = numbers_of(lanes.unravel(np.zeros(size)))
         self.limits = [(names.index(name), *pair) for name, pair in settle.limits.items()]
 

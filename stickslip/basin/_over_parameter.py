@@ -9,10 +9,8 @@ from .._types import Given, Row
 from .._validation import check_type, one_row
 from ..analysis.observable import check_parameter, with_parameters
 from ..hybrid import AbstractHybridSystem, Integrator
-from ._attractor import Search, successor_of
-from ._basins import Basins, basins_of, check_start, starts_in, turns
-from ._judged import Judged
-from ._lanes import Lanes
+from ._attractor import Attractor
+from ._basins import Basins, basins
 from ._settle import Settle
 
 
@@ -62,26 +60,17 @@ def basins_over(
     **Returns** a `BasinsOver`. **Errors** as of `basins`.
     """
     check_type("system", system, AbstractHybridSystem, "an AbstractHybridSystem")
-    check_type("settle", settle, Settle, "a Settle(duration)")
     check_parameter(system, parameter, "parameter")
     values = np.asarray(one_row("values", values), float)
-    if integrator is not None:
-        check_type("integrator", integrator, Integrator, "an Integrator or None")
-    maps, known, named = [], (), []
+    maps: list[Basins] = []
+    seen: dict[str, Attractor] = {}  # the last one of each name, also of those that have ended
     for value in values:
         there = with_parameters(system, {parameter: value})
-        state, whole = check_start(there, y0, box, settle, args)
-        y, shape = starts_in(state, whole, points)
-        lanes = Lanes(there, args, Integrator() if integrator is None else integrator, state)
-        turn = turns(there, state)
-        kept = []
-        for before in known:
-            scale = np.ones(y.shape[1]) if before.tube is None else before.tube.scale
-            search = Search(lanes, scale, turn, settle.duration, settle.forcing_period)
-            kept.append(successor_of(search, before))
-        judged = Judged(lanes, settle, y, turn, tuple(a for a in kept if a is not None))
-        judged.named = named or judged.named
-        judged.follow()
-        maps.append(basins_of(judged, whole, y, shape))
-        known, named = tuple(judged.attractors), judged.named
+        maps.append(
+            basins(
+                there, y0, box, settle, points=points, integrator=integrator, args=args,
+                known=tuple(seen.values()),
+            )
+        )  # fmt: skip
+        seen |= {attractor.name: attractor for attractor in maps[-1].attractors}
     return BasinsOver(parameter, values, tuple(maps))

@@ -14,7 +14,7 @@ class Settle(eqx.Module):
     """How long motions are followed, and how far.
 
     - `duration` [s], positive: what is not settled after it is called so. Of a motion whose slowest
-      multiplier or eigenvalue is known some ten times its time to halve.
+      multiplier or eigenvalue is known some ten times its time to halve, and four of its periods.
     - `forcing_period` [s]: of a system that depends on the time.
     - `limits`: name of a component to its least and greatest value, `{"x": (-10.0, 10.0)}`: a motion
       beyond them, at one of 32 times of the duration, has left.

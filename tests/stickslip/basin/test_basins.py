@@ -70,7 +70,9 @@ def test_a_further_map_compiles_nothing(wells, compiled):
 
 def test_points_of_sobol_and_grids_agree(wells):
     found = basins(Wells(), Wells().state(), SQUARE, Settle(100.0), points=256, known=wells.attractors)
-    assert found.attractors == wells.attractors
+    assert list(found.shares) == list(wells.shares)
+    ends = zip(found.attractors, wells.attractors, strict=True)
+    assert all(float(a.motion.y.x) == float(b.motion.y.x) for a, b in ends)
     assert abs(found.shares["fixed point 1"] - 0.5) < 3.0 * found.errors["fixed point 1"]
 
 
