@@ -23,8 +23,6 @@ class Accuracy:
     """Of the motion, of which it is asked whether a shift of its states changes anything."""
     fewest_samples: int = 8
     """Of a motion whose extent says anything."""
-    late_samples: int = 2
-    """Of the last quarter of a record, from which it is told whether the motion rests."""
     side_by_side: int = 512
     """Transitions that are tried, and lanes of a block of a diagram: so few that the check can run the
     same program on as many."""

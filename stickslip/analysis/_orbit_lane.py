@@ -194,8 +194,8 @@ def _rests(plan: OrbitPlan, lane: _Lane, recorded: Solution) -> Any:
     logs = [recorded.outputs, *recorded.crossings[: len(plan.sections)]]
     late_from = recorded.t1 - 0.25 * (recorded.t1 - lane.begin)
     kept = [jnp.isfinite(log.t) for log in logs]
-    # Where so little is left after so many points, all of it has to keep its place.
-    few = jnp.sum(logs[0].t >= late_from) < ACCURACY.late_samples
+    # Where the last quarter has no two samples, as after few points, all has to keep its place.
+    few = jnp.sum(logs[0].t >= late_from) <= 1
     late = [rows & (few | (log.t >= late_from)) for log, rows in zip(logs, kept, strict=True)]
     slope = lane.system.vector_field(lane.start, lane.y0, lane.mode, lane.args)
     still = jnp.ones((), bool)

@@ -265,8 +265,8 @@ class AbstractMechanism(AbstractWithObservables):
             check_mass(self, type(self).to_coordinates(self, y)[0])
         if names.contacts and is_concrete((self, t, y, args)):
             try:
-                found = numbers_known(_pressed, self, t, y, args)
-                found = _compiled_pressed(self, t, y, args) if found is None else found
+                found = numbers_known(_start_numbers, self, t, y, args)
+                found = _compiled_start_numbers(self, t, y, args) if found is None else found
             except jax.errors.JAXTypeError:
                 return  # closed over what is traced
             if is_concrete(found):
@@ -309,7 +309,7 @@ class AbstractMechanism(AbstractWithObservables):
         return BristleMechanism(self, kind, parameters)
 
 
-def _pressed(machine: AbstractMechanism, t: Any, y: Any, args: Any) -> list[Any]:
+def _start_numbers(machine: AbstractMechanism, t: Any, y: Any, args: Any) -> list[Any]:
     """Normal forces of the contacts that do not open [N], then coefficients that resist of each."""
     names = machine.names
     contacts, _, speeds, *_ = touching(machine, machine.structure, t, *machine.to_coordinates(y), args)
@@ -320,7 +320,7 @@ def _pressed(machine: AbstractMechanism, t: Any, y: Any, args: Any) -> list[Any]
     return [jnp.asarray(x, jnp.float64) for x in found]
 
 
-_compiled_pressed = jit_by_code(_pressed)
+_compiled_start_numbers = jit_by_code(_start_numbers)
 
 
 def _held(machine: AbstractMechanism, t: Any, y: Any, mode: Any, args: Any) -> list[Any]:

@@ -263,9 +263,9 @@ def test_all_corners_of_a_closed_path_are_round(corners, radius):
     path = cx.Path.rounded([*corners, corners[0]], radius)
     places = np.asarray(path.jets(np.linspace(0.0, path.end, 20001))[0])
     np.testing.assert_allclose(places[0], places[-1], atol=1e-15)
-    (_, first, _), (_, last, _) = (path.jets(np.array([s])) for s in (0.0, path.end))
+    first, last = (path.jets(np.array([at]))[1] for at in (0.0, path.end))
     np.testing.assert_allclose(first, last, atol=1e-12)  # in one direction
-    # By the closed forms of a corner of the inner angle a: 2 r / tan(a/2) is cut, (pi - a) r goes round.
+    # The inner angle a of a corner: 2 r / tan(a/2) is cut off, (pi - a) r goes round.
     points = np.array(corners)
     to, on = np.roll(points, 1, axis=0) - points, np.roll(points, -1, axis=0) - points
     sides = np.linalg.norm(on, axis=1)
