@@ -24,6 +24,7 @@ from stickslip.checks import (
 
 Points = Sequence[Sequence[float]] | np.ndarray | Array
 MOST_TURNS = 1e3  # of an arc [rad]
+SAME = 1e-9  # part of the largest coordinate below which two points are one
 STRAIGHT = 1e-9  # turn of a corner [rad] below which there is none
 
 
@@ -127,9 +128,13 @@ class Path:
     @classmethod
     def rounded(cls, points: Given[Points], radius: Numeric) -> "Path":
         """Straight lines from point to point, `[point, 2]` [m], whose corners are arcs with the
-        `radius` [m]. **Raises** `TypeError`, `ValueError` for anything else, and where two arcs need
-        more than the line between them."""
+        `radius` [m]. Where the last point is the first, all corners are round: the path begins and ends
+        within the first line. **Raises** `TypeError`, `ValueError` for anything else, and
+        where two arcs need more than the line between them."""
         rows, size = rows_of_points("points", points), float(one_concrete("radius", radius, "positive"))
+        if len(rows) > 2 and np.linalg.norm(rows[-1] - rows[0]) <= SAME * np.abs(rows).max():
+            begin = _within_first_line(rows[:-1], size)
+            rows = np.vstack([begin, rows[1:-1], rows[0], begin])
         ways = np.diff(rows, axis=0)
         lengths = np.linalg.norm(ways, axis=1)
         along = ways / lengths[:, None]
@@ -163,6 +168,18 @@ class Path:
             return x + ahead * d[0] - aside * d[1], y + ahead * d[1] + aside * d[0]
 
         return cls(place, s[-1], s[1:-1])
+
+
+def _within_first_line(corners: np.ndarray, radius: float) -> np.ndarray:
+    """The middle of what the arcs at both of its ends leave of the first line of a closed chain."""
+    before, line, after = (
+        corners[0] - corners[-1],
+        corners[1] - corners[0],
+        corners[2 % len(corners)] - corners[1],
+    )
+    length = np.linalg.norm(line)
+    cuts = [radius * np.tan(0.5 * abs(_turn(a, b))) for a, b in ((before, line), (line, after))]
+    return corners[0] + 0.5 * (length + cuts[0] - cuts[1]) * line / length
 
 
 def derivatives(path: Path, s: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-BLUE, RED, GREY, BAND = "#1f4e9c", "#c0392b", "0.6", "0.8"
+BLUE, RED, GREEN, GREY, BAND = "#1f4e9c", "#c0392b", "#2e8b57", "0.6", "0.8"
 
 
 def residual_dots(axis: Axes, places: np.ndarray, values: np.ndarray, size: float = 1.5) -> None:

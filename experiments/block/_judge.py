@@ -14,7 +14,7 @@ SIMPLE = "simplified"
 READINGS = {"full, sign as printed": "printed sign", "full, consistent sign": "consistent sign"}
 # Lanes whose points are those of the motion. `not_settled` ones are counted, and said, apart.
 GOOD = [STATUS.index(word) for word in ("ok", "buffer_full")]
-RAN = [*GOOD, *(STATUS.index(word) for word in ("not_settled", "too_few_points"))]
+RAN = [*GOOD, *(STATUS.index(word) for word in ("not_settled", "too_few_points", "at_rest"))]
 
 
 def _settled(dataset: xr.Dataset, model: str) -> xr.Dataset:

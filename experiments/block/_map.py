@@ -30,7 +30,7 @@ SLOW = 1e-3
 CHANGES = 0.02
 STANDS = 1e-6  # m/s
 USABLE = [STATUS.index(word) for word in ("ok", "buffer_full", "not_settled", "too_few_points")]
-SILENT = [STATUS.index("no_crossing")]
+SILENT = [STATUS.index(word) for word in ("no_crossing", "at_rest")]
 CAPTION = (
     "Constructed parameters (set A): the paper prints none. Friction: {}. Each lane from rest, {} with "
     "adaptive steps at {:g}, {:g} s dropped, {:g} s looked at. Curves: located by Newton's method."

@@ -14,6 +14,7 @@ from stickslip.identification import Fit, Observed, Problem, Record, Unknown, pr
 
 from .._data import listed
 from .._experiment import Context, Experiment
+from .._starts import Start, starts_told
 from ._advice import GOOD, advice, sketch
 from ._log import KIND, Log, machine_told, pairs, read_log, read_machine, write_template
 
@@ -75,6 +76,9 @@ def _noise(text: str, log: Log) -> dict[str, float]:
     return found
 
 
+START = Start("rest")
+
+
 def best_fit(
     task: Problem, names: tuple[str, ...], machine: cx.CoreXYParameters, parameters: dict[str, Any]
 ) -> Fit:
@@ -109,6 +113,7 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
         title=f"CoreXY, {context.data.name}",
     )  # fmt: skip
     print(told)
+    starts = starts_told(fitted=START, scored=START)
     seen = task.simulate(fit.values)
     final = cx.with_values(machine, dict(fit.values))
     tensions = {name: float(getattr(final, name)) for name in ("P1", "P2")}
@@ -123,7 +128,7 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
             path, parameters["columns"], parameters["units"], parameters["counts_per_turn"]
         )
         further = problem_of(other, machine, names, noise, parameters["tolerance"])
-        print(f"\n{name}, to which nothing was fitted, from rest\n{further.score(fit)}")
+        print(f"\n{name}, to which nothing was fitted, {START}\n{further.score(fit)}")
     errors = fit.standard_errors()
     units = {name: {"units": UNIT[KIND[name]]} for name in log.measured}
     data: dict[str, Any] = {
@@ -141,8 +146,8 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
     return xr.Dataset(
         data, {"unknown": list(names), "time": ("time", log.times, {"units": "s"})},
         {
-            "report": str(told), "advice": said, **tensions, "successful": int(bool(fit.successful)),
-            "chi_squared": float(fit.reduced_chi_squared),
+            "report": str(told), "advice": said, "starts": starts, **tensions,
+            "successful": int(bool(fit.successful)), "chi_squared": float(fit.reduced_chi_squared),
         },
     )  # fmt: skip
 

@@ -28,6 +28,7 @@ from stickslip.identification import (
 
 from .._data import numbered
 from .._experiment import Context, Experiment
+from .._starts import Start, starts_told
 from .._statement import Untold, Verdict, judge_all, statement
 from .._thresholds import Measured
 from ._arm import DRY, GEAR, INERTIAL, LINK, SIGMA, UNITS, ZEROS, errors, problem, shot
@@ -152,6 +153,10 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
         title="Double pendulum, by simulation from rest",
     )  # fmt: skip
     print(told)
+    said = starts_told(
+        fitted=Start("rest", "at the first angles of a record, less the zeros of its encoders"),
+        scored=Start("rest", f"likewise, with zeros by the first {FIRST:g} s, which are not counted"),
+    )
     for number, motion in zip(scored[1:], further, strict=True):
         for name, (row, _) in columns.items():
             left = predicted(row, motion, every, name != BARE)[:, motion.time[::every] > FIRST]
@@ -189,7 +194,12 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
         "law": list(fits), "series": list(series), "way": list(far),
         "time": ("time", time, {"units": "s"}),
     }  # fmt: skip
-    attributes = {"relative": relative, "relative_without_zeros": without, "report": str(told)}
+    attributes = {
+        "relative": relative,
+        "relative_without_zeros": without,
+        "report": str(told),
+        "starts": said,
+    }
     return xr.Dataset(data, coords, attributes)
 
 

@@ -33,6 +33,7 @@ from stickslip.identification import (
 
 from .._data import listed
 from .._experiment import Context, Experiment
+from .._starts import Start, starts_told
 from .._statement import Untold, Verdict, judge_all, statement
 from .._thresholds import Measured
 from ._inverse import inverse_dynamics
@@ -185,23 +186,27 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
         title="EMPS, asymmetric friction, by the command of the controller",
     )  # fmt: skip
     print(told)
+    said = starts_told(fitted=GIVEN, scored=GIVEN)
     scores = {name: [score(values, r) for r in over.values()] for name, values in models.items()}
     for name, one in (dict(zip(fitted, records, strict=True)) | further).items():
         print(_ranking(name, one, models))
     computed = np.asarray(position(of_both_sides(shown.values), record, 1))[::kept]
     return _dataset(
         columns, residuals, scores, compared, record, computed, split, kept, str(told), list(over)
-    )
+    ).assign_attrs(starts=said)
+
+
+GIVEN = Start("given", f"place and speed by the first {FIRST} samples")
 
 
 def _ranking(name: str, record: Record, models: dict[str, Any]) -> str:
     """The laws by their error of the position over a record, from both starts: one decides on it."""
-    starts = {f"the state that its first {FIRST} samples give": 1.0, "rest": 0.0}
+    starts = {GIVEN: 1.0, Start("rest"): 0.0}
     lines = [f"{name}, error of the position open loop"]
     for start, moving in starts.items():
         found = sorted((1e3 * score(values, record, moving), law) for law, values in models.items())
         told = ", ".join(f"{law} {error:.3g} mm" for error, law in found)
-        lines.append(f"  from {start}: {told}")
+        lines.append(f"  {start}: {told}")
     return "\n".join(lines)
 
 

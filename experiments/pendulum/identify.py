@@ -21,6 +21,7 @@ from stickslip.identification import Fit, LevenbergMarquardt, compare
 
 from .._data import listed, numbered
 from .._experiment import Context, Experiment
+from .._starts import Start, starts_told
 from .._statement import Verdict, judge_all, statement
 from .._thresholds import Measured
 from ._pendulum import LAWS, SIGMA, TERMS, predicted, problem, rest_of
@@ -95,6 +96,11 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
     held = {law: np.concatenate(rows) for law, rows in rest.items()}
     compared = compare(fits, held_out=held, sigma=SIGMA, noise_known=False)
     print(compared)
+    said = starts_told(
+        fitted=Start("fitted", "angle and velocity at the begin of each segment"),
+        rest_of_segments=Start("fitted", f"to the first {1.0 - HIDDEN:.0%} of each segment"),
+        left_out=Start("given", "by a cubic through the first samples of the segment"),
+    )
     for name, (one, two) in others.items():
         for law in laws:
             print(f"{name}, {law}: {_scored(law, fits[law], [*one, *two], every)}")
@@ -132,7 +138,7 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
         "law": list(laws), "term": names, "segment": list(chosen),
         "later": np.arange(1, 1 + len(second)), "time": time,
     }  # fmt: skip
-    return xr.Dataset(data, coords)
+    return xr.Dataset(data, coords, {"starts": said})
 
 
 def draw(data: xr.Dataset) -> Figure:

@@ -26,6 +26,7 @@ from stickslip.identification import (
 
 from .._data import listed
 from .._experiment import Context, Experiment
+from .._starts import Start, starts_told
 from .._statement import Untold, Verdict, judge_all, statement
 from .._thresholds import Measured
 from ._record import NAME, Step, load, step_of
@@ -80,6 +81,8 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
         title="Basalt, step from 3 to 10 µm/s, ageing law",
     )  # fmt: skip
     print(told)
+    start = Start("given", "it slides steadily at the speed before the step, with the fitted mu_0")
+    said = starts_told(fitted=start, scored=start)
     for name, other in further.items():
         for law in LAWS:
             print(f"{name}, {law}: {_scored(law, fits[law], other)}")
@@ -111,7 +114,7 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
         "law": list(LAWS), "unknown": names, "other": names, "end": ["lower", "upper"],
         "time": ("time", step.time, {"units": "s"}), "lag": np.arange(LAGS + 1),
     }  # fmt: skip
-    attributes = {"begin": begin, "before": before, "after": after, "report": str(told)}
+    attributes = {"begin": begin, "before": before, "after": after, "report": str(told), "starts": said}
     return xr.Dataset(data, coords, attributes)
 
 

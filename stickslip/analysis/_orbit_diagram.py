@@ -83,7 +83,9 @@ def orbit_diagram(
 
     - one variable per observable, NaN past `count` points; of a component that is an array with axes of
       its own at the end, `x_0`, `x_1`, ..., as in `Solution.to_dataset`;
-    - `status`: 0 "ok", else why the lane is not to be trusted (`attrs["flag_meanings"]`): it left the
+    - `status`: 0 "ok", else what is to be known of the lane (`attrs["flag_meanings"]`): it came to
+      rest (`at_rest`: the whole state keeps its place over the last quarter of the record, by
+      `period.tolerance` of the way it went in the record; points are those of the way there), left the
       domain, never crossed a section, has more crossings than `max_points` (`buffer_full`) or
       fewer than `points` of all sections (`fewer_points`), its points are not yet those of the
       attractor although a transient was dropped (`not_settled`: the first are not, or all still come
@@ -95,10 +97,11 @@ def orbit_diagram(
       in `attrs["flag_meanings"]`: `repeats`; `none`; `lane_failed`; `too_few_points` (4 are needed for
       period one, twice the longest to say that there is none); `not_finite`; `not_settled` (the points
       still come nearer to something, or creep);
-      `constant` (a rest); `zero_on_section` (all that was observed is zero there, as a speed is
-      at the maxima of its position); `below_rounding`. Points are the same if each observable
-      differs by at most `period.tolerance` of its range along the whole motion, over the last quarter
-      of the points. Time is left out, and components that are not observed do not count;
+      `constant` (a lane at rest, or all that is observed is); `zero_on_section` (all that was observed
+      is zero there, as a speed is at the maxima of its position); `below_rounding`. Points are the same
+      if each observable differs by at most `period.tolerance` of its range along the whole motion, over
+      the last quarter of the points. Time is left out, and components that are not observed do not
+      count;
     - `slow_transient`: the first points are not yet those of the attractor, but the last are: drop
       more time. False too where that cannot be told;
     - `flags`: as in `Solution`, of transient and record;

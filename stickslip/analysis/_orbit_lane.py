@@ -40,6 +40,7 @@ STATUS = (
     "not_settled",
     "fewer_points",
     "too_few_points",
+    "at_rest",
 )
 _ENGINE = STATUS[4:9]
 # Lanes whose points are those of the motion, though there may be more or the first are too early.
@@ -92,19 +93,21 @@ def run_lane(
     usable = _is_one_of(status, USABLE[:2])
     failed = ~(usable | (status == STATUS.index("no_crossing")))
     judged = _judged_observables(plan, lane, samples)
+    rests = (usable | (status == STATUS.index("no_crossing"))) & _rests(plan, lane, recorded)
     parts, verdicts = zip(
-        *(_points_of(plan, lane, judged, rows, going, failed) for rows in logs), strict=True
+        *(_points_of(plan, lane, judged, rows, going, (failed, rests)) for rows in logs), strict=True
     )
     results = jax.tree.map(lambda *rows: jnp.stack(rows), *parts) if plan.several else parts[0]
     slow = usable & _any_of([verdict.slow for verdict in verdicts])
+    sound = usable | (status == STATUS.index("no_crossing"))
     status = _status_by_points(plan, status, jnp.where(going, most, 0), slow, verdicts)
+    status = jnp.where(rests & (status != STATUS.index("buffer_full")), STATUS.index("at_rest"), status)
     results |= {
         "status": status.astype(jnp.int32),
         "slow_transient": slow,
         "flags": flags | recorded.flags,
     }
     # A lane that failed has nothing to hand on; one that never crossed its section ends somewhere too.
-    sound = usable | (status == STATUS.index("no_crossing"))
     end = jax.tree.map(lambda a, b: jnp.where(sound & jnp.isfinite(a), a, b), recorded.y1, lane.y0)
     return end, results
 
@@ -183,6 +186,39 @@ def _status_of_record(plan: OrbitPlan, recorded: Solution, most: Any) -> Any:
     return jnp.where((status == 0) & (most == 0), STATUS.index("no_crossing"), status)
 
 
+def _rests(plan: OrbitPlan, lane: _Lane, recorded: Solution) -> Any:
+    """Whether the whole state keeps its place, to the tolerance, over the last quarter of the record.
+
+    To rounding where it is no more than that of the start, or of the way that its first slope leads.
+    """
+    logs = [recorded.outputs, *recorded.crossings[: len(plan.sections)]]
+    late_from = recorded.t1 - 0.25 * (recorded.t1 - lane.begin)
+    kept = [jnp.isfinite(log.t) for log in logs]
+    # Where the last quarter has no two samples, as after few points, all has to keep its place.
+    few = jnp.sum(logs[0].t >= late_from) <= 1
+    late = [rows & (few | (log.t >= late_from)) for log, rows in zip(logs, kept, strict=True)]
+    slope = lane.system.vector_field(lane.start, lane.y0, lane.mode, lane.args)
+    still = jnp.ones((), bool)
+    leaves = (jax.tree.leaves(tree) for tree in (lane.y0, slope, *(log.y for log in logs)))
+    for begun, rate, *rows in zip(*leaves, strict=True):
+        begun, way = jnp.abs(jnp.ravel(begun)), jnp.ravel(rate) * (recorded.t1 - lane.start)
+        columns = [row.reshape(row.shape[0], -1) for row in rows]
+        low, high = _ends(columns, kept)
+        least, most = _ends(columns, late)
+        largest = jnp.maximum(jnp.maximum(jnp.abs(low), jnp.abs(high)), begun)
+        rounding = ENGINE.some_roundings * jnp.maximum(largest, jnp.abs(way))
+        still &= jnp.all(most - least <= jnp.maximum(plan.period.tolerance * (high - low), rounding))
+    return still
+
+
+def _ends(columns: list[Any], chosen: list[Any]) -> tuple[Any, Any]:
+    """Least and greatest number of each column over the chosen rows of several tables."""
+    both = [*zip(columns, chosen, strict=True)]
+    low = [jnp.min(jnp.where(rows[:, None], x, jnp.inf), axis=0) for x, rows in both]
+    high = [jnp.max(jnp.where(rows[:, None], x, -jnp.inf), axis=0) for x, rows in both]
+    return functools.reduce(jnp.minimum, low), functools.reduce(jnp.maximum, high)
+
+
 class _Judged(NamedTuple):
     """Observables by which points are compared, whole turns left in, and how far the motion goes."""
 
@@ -224,9 +260,13 @@ class _Verdict(NamedTuple):
 
 
 def _points_of(
-    plan: OrbitPlan, lane: _Lane, judged: _Judged, rows: Any, going: Any, failed: Any
+    plan: OrbitPlan, lane: _Lane, judged: _Judged, rows: Any, going: Any, ends: tuple[Any, Any]
 ) -> tuple[dict[str, Any], _Verdict]:
-    """Points of a section with their number and period, and the verdict on them."""
+    """Points of a section with their number and period, and the verdict on them.
+
+    `ends`: whether the lane failed, and whether it comes to rest.
+    """
+    failed, rests = ends
     points = {name: lane.values(f, rows) for name, f in plan.observables.items()}
     count = jnp.where(going, rows.count, 0).astype(jnp.int32)
     seen = [
@@ -246,6 +286,7 @@ def _points_of(
     # So few samples of the motion do not give its size, which the tolerance refers to.
     few = PERIOD_STATUS.index("too_few_points")
     status = jnp.where(judged.samples < ACCURACY.fewest_samples, few, verdict.status)
+    status = jnp.where(rests, PERIOD_STATUS.index("constant"), status)
     status = jnp.where(failed, PERIOD_STATUS.index("lane_failed"), status)
     told = status <= PERIOD_STATUS.index("none")
     # Points that agree are those of the motion, however few they are.

@@ -108,8 +108,8 @@ def orbit_guess(
     - `transient` [s], not negative: time that is dropped; where the motion has not settled the guess is
       a rough one.
     - `max_period` [s]: the longest period looked for.
-    - `forcing_period` [s]: of a system that depends on the time; at most `max_period`. The guess has it
-      or a multiple of it as its period.
+    - `forcing_period` [s]: of a system that depends on the time, or of a sampled controller its sample
+      period; at most `max_period`. The guess has it or a multiple of it as its period.
 
     **Returns** an `OrbitGuess`. Where no return is seen within `max_period` its period is NaN:
     `periodic_orbit` raises, or answers with `guess_failed` under `jit` and `vmap`, where it works too.

@@ -13,6 +13,10 @@ from .._types import Given
 from .._validation import check_count, check_in, check_type, refusal
 
 SEPARATORS = (";", "\t", ",")
+LEFT_OUT = (
+    "{}: left out {}, which are neither numbers nor texts. In MATLAB, char(...) makes a text of a "
+    "string, table2struct(..., 'ToScalar', true) a structure of a table."
+)
 
 
 def read_table(
@@ -27,12 +31,13 @@ def read_table(
     **Text** (any ending but `.mat`): columns are separated by semicolons, tabs, commas or spaces,
     whichever of them the first line holds; lines that begin with `#` are comments. The first line has
     the names, unless `columns` states them. **MATLAB** (`.mat`, also of version 7.3): variables of
-    numbers; those of a structure are named `data.position`, of cells `runs[0]`. A single row or column
-    is one row.
+    numbers and texts; those of a structure are named `data.position`, of cells `runs[0]`, and cells
+    of texts are a row of them. A single row or column is one row. A warning names what a file has
+    beside these, as tables, strings in double quotes and other objects of MATLAB.
 
     **Arguments:** `path`; `columns`: names for a table whose first line has none; `decimal`: the
     decimal point, `"."` or `","`; `skip`: how many lines of text come before the table. **Returns**
-    arrays by name; text in a column stays text. **Raises** `ValueError` for a file that is not such a
+    arrays by name; text stays text. **Raises** `ValueError` for a file that is not such a
     table, or not there, `TypeError` for other arguments, `OSError` where it cannot be read.
     """
     if not isinstance(path, str | os.PathLike) or not os.fspath(path):
@@ -51,7 +56,10 @@ def read_table(
     if file.suffix.lower() == ".mat":
         if names is not None:
             raise refusal("columns", columns, "None for a .mat file, whose variables have names")
-        return _matlab(file)
+        rows, others = _matlab(file)
+        if others:
+            warnings.warn(LEFT_OUT.format(file, ", ".join(others)), stacklevel=2)
+        return rows
     return _text(file, names, decimal, skip)
 
 
@@ -116,7 +124,8 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def _matlab(file: pathlib.Path) -> dict[str, np.ndarray]:
+def _matlab(file: pathlib.Path) -> tuple[dict[str, np.ndarray], list[str]]:
+    """Numbers and texts by name, and names of all else."""
     import scipy.io
 
     try:
@@ -126,36 +135,89 @@ def _matlab(file: pathlib.Path) -> dict[str, np.ndarray]:
     except (ValueError, TypeError, EOFError) as error:
         raise refusal("path", str(file), "a MATLAB file", but=f"unreadable ({error})") from None
     rows: dict[str, np.ndarray] = {}
+    others: list[str] = []
 
     def gather(name: str, value: Any) -> None:
+        array = None if isinstance(value, Mapping | list) else np.asarray(value)
         if isinstance(value, Mapping):
             for part, inner in value.items():
                 gather(f"{name}.{part}", inner)
-        elif isinstance(value, list) or np.asarray(value).dtype.kind == "O":
-            for i, inner in enumerate(value):  # cells
-                gather(f"{name}[{i}]", inner)
-        elif np.asarray(value).dtype.kind in "biuf":
-            rows[name] = np.asarray(value)
+        elif array is None or array.dtype.kind == "O":
+            _cells(name, list(value), rows, gather)
+        elif array.dtype.kind in "biufcU":
+            rows[name] = array
+        else:
+            others.append(name)
 
     for name, value in found.items():
         if not name.startswith("__"):
             gather(name, value)
-    return rows
+    # Objects of MATLAB come without a name.
+    others = [name if name != "None" else "an object of MATLAB" for name in others]
+    return rows, others
 
 
-def _hdf5(file: pathlib.Path) -> dict[str, np.ndarray]:
+def _cells(name: str, cells: list[Any], rows: dict[str, np.ndarray], gather: Any) -> None:
+    """Cells one by one; as one row if all are texts."""
+    if cells and all(isinstance(cell, str) for cell in cells):
+        rows[name] = np.asarray(cells)
+        return
+    for i, cell in enumerate(cells):
+        gather(f"{name}[{i}]", cell)
+
+
+def _hdf5(file: pathlib.Path) -> tuple[dict[str, np.ndarray], list[str]]:
+    """The same of a file of version 7.3: all of it lies by columns, and cells are references."""
     import h5py
 
     rows: dict[str, np.ndarray] = {}
+    others: list[str] = []
 
-    def gather(name: str, node: Any) -> None:
-        if isinstance(node, h5py.Dataset) and node.dtype.kind in "biuf" and name[0] != "#":
-            if node.attrs.get("MATLAB_class", b"double") != b"char":
-                rows[name.replace("/", ".")] = np.squeeze(np.asarray(node).T)  # stored by columns
+    def gather(name: str, value: Any) -> None:
+        if isinstance(value, str):
+            rows[name] = np.asarray(value)
+        elif isinstance(value, h5py.Group):
+            for part, inner in value.items():
+                gather(f"{name}.{part}", inner)
+        else:
+            dataset(name, value)
+
+    def dataset(name: str, node: Any) -> None:
+        kind, of_class = node.dtype.kind, _word(node.attrs.get("MATLAB_class", b"double"))
+        if "MATLAB_object_decode" in node.attrs or kind not in "biufVO":
+            others.append(name)
+        elif node.attrs.get("MATLAB_empty", 0):  # what is stored is its shape
+            rows[name] = np.asarray("") if of_class == "char" else np.zeros(0)
+        elif kind == "O":
+            cells = [node.file[reference] for reference in np.ravel(np.asarray(node).T)]
+            _cells(name, [text_of(cell) for cell in cells], rows, gather)
+        elif kind == "V" and node.dtype.names == ("real", "imag"):
+            numbers = np.asarray(node)
+            rows[name] = np.squeeze((numbers["real"] + 1j * numbers["imag"]).T)
+        elif kind == "V":
+            others.append(name)
+        else:
+            text = text_of(node)
+            rows[name] = np.asarray(text) if of_class == "char" else np.squeeze(np.asarray(node).T)
+
+    def text_of(node: Any) -> Any:
+        """The text of a node that holds one, else the node; of several lines with their breaks."""
+        if not isinstance(node, h5py.Dataset) or _word(node.attrs.get("MATLAB_class", "")) != "char":
+            return node
+        if node.attrs.get("MATLAB_empty", 0):
+            return ""
+        letters = np.atleast_2d(np.asarray(node).T)
+        return "\n".join("".join(map(chr, line)) for line in letters)
 
     try:
         with h5py.File(file, "r") as data:
-            data.visititems(gather)
+            for name, node in data.items():
+                if not name.startswith("#"):
+                    gather(name, node)
     except OSError as error:
         raise refusal("path", str(file), "a MATLAB file", but=f"unreadable ({error})") from None
-    return rows
+    return rows, others
+
+
+def _word(text: Any) -> str:
+    return text.decode() if isinstance(text, bytes) else str(text)

@@ -19,6 +19,7 @@ from ._analysis import sampled_directions
 from ._declaration import at_zero, directions_of, mass_of
 from ._gaps import check_stop_names, check_without_args
 from ._known import numbers_known
+from ._laws import RESISTING
 from ._modes import MOST
 
 
@@ -222,7 +223,20 @@ def check_held(mechanism: Any, mode: int, found: Any) -> None:
             raise refusal("mode0", given, allowed, but=but)
 
 
-def check_load(name: str, load: Any) -> None:
-    """Raise for a contact that pulls."""
-    if not np.all(np.asarray(load) >= 0.0):
-        raise refusal(f"the normal force of contact {name!r} at the start", load, "not negative")
+def check_pressed(mechanism: Any, found: list[Any]) -> None:
+    """Raise for a contact that pulls at the start, or drives in place of resisting there.
+
+    `found`: normal forces of the contacts that do not open, then coefficients of each contact.
+    """
+    names = mechanism.names
+    fixed = [name for name in names.contacts if name not in names.opening]
+    for name, load in zip(fixed, found, strict=False):
+        if not np.all(np.asarray(load) >= 0.0):
+            raise refusal(f"the normal force of contact {name!r} at the start", load, "not negative")
+    laws = iter(found[len(fixed) :])
+    for name in names.contacts:
+        for what in RESISTING:
+            coefficient = next(laws)
+            if np.any(np.asarray(coefficient) < 0.0):
+                allowed = "not negative: friction resists, and this drives"
+                raise refusal(f"the {what} of contact {name!r}", coefficient, allowed)

@@ -24,6 +24,7 @@ from stickslip.hybrid.status import NO_MODE
 
 from ._contact import drags
 from ._instant import Instant, pressing
+from ._laws import drives
 from ._observables import AbstractWithObservables
 from ._planar_smooth import Planes
 from ._scalars import times, total
@@ -80,9 +81,11 @@ class _AbstractSmoothForm(AbstractMechanicalSystem):
     @check_arguments(t=reals)
     def initial_mode(self, t, y, args):
         mode = jnp.zeros((), jnp.int32)
+        at = self.mechanism.instant(t, self.bare(y), args)
+        none = drives(at.contacts, at.speeds)
         for load in self.guards(t, y, mode, args):
-            mode = where(load < 0.0, jnp.full_like(mode, NO_MODE), mode)
-        return mode
+            none = none | (load < 0.0)
+        return where(none, jnp.full_like(mode, NO_MODE), mode)
 
     def _motion(self, at: Instant, friction: list) -> tuple[Any, Any]:
         """Rates of coordinates and velocities under the friction of all contacts."""

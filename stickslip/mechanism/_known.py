@@ -23,6 +23,7 @@ _OPERATIONS: dict[str, Callable] = {
     "stop_gradient": np.positive, "gt": np.greater, "ge": np.greater_equal,
     "and": np.bitwise_and, "shift_right_arithmetic": np.right_shift,
     "lt": np.less, "le": np.less_equal, "eq": np.equal, "ne": np.not_equal,
+    "rem": np.fmod, "shift_left": np.left_shift, "clamp": lambda low, x, high: np.clip(x, low, high),
 }  # fmt: skip
 
 
@@ -111,6 +112,10 @@ def result_of(eqn: Any, given: list[Any]) -> list[Any]:
             return [np.asarray(given[0]) ** float(eqn.params["y"])]
         if name == "div" and np.asarray(given[0]).dtype.kind == "f":
             return [np.true_divide(*given)]
+        if name == "round" and eqn.params["rounding_method"] == jax.lax.RoundingMethod.TO_NEAREST_EVEN:
+            return [np.rint(given[0])]
+        if name == "bitcast_convert_type":
+            return [np.asarray(given[0]).view(eqn.params["new_dtype"])]
         if name == "select_n":
             return [given[1 + int(given[0])]]
         if name in _OPERATIONS:

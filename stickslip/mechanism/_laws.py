@@ -17,6 +17,33 @@ from ._rows import NumberRow, each
 
 NO_LIMIT = math.inf  # what a stop can bear, a constant that the program knows
 
+# The numbers of `resisting`, for messages.
+RESISTING = (
+    "static coefficient forward", "static coefficient backward",
+    "kinetic coefficient forward from rest", "kinetic coefficient backward from rest",
+    "kinetic coefficient at the speed of the start",
+)  # fmt: skip
+
+
+def resisting(contact: Contact, speed: Any) -> list[Any]:
+    """Coefficients of a loaded contact at rest and at a speed, that of the opposite sense positive.
+
+    Kinetic ones of a law that does not claim to be dissipative are 0, since it may drive.
+    """
+    law = contact.law
+    found = [law.static_coefficient(1), law.static_coefficient(-1)]
+    if not law.is_dissipative:
+        return [*found, 0.0, 0.0, 0.0]
+    moving = where(contact.normal_force > 0.0, jnp.sign(speed) * law.coefficient(speed), 0.0)
+    return [*found, law.kinetic_limit(1), law.kinetic_limit(-1), moving]
+
+
+def drives(contacts: Sequence[Contact], speeds: Sequence[Any]) -> Any:
+    """Whether friction of a contact drives at its speed, or would from rest, in place of resisting."""
+    pairs = zip(contacts, speeds, strict=False)
+    found = [x < 0.0 for contact, speed in pairs for x in resisting(contact, speed)]
+    return functools.reduce(jnp.logical_or, found, jnp.zeros((), bool))
+
 
 class Bounds(NamedTuple):
     """Force that each contact can bear [N], from `low` <= 0 to `high` >= 0; `low` is None for `-high`.

@@ -19,13 +19,21 @@ from stickslip.hybrid.system import mode_type
 
 from ._abstract import traced_with
 from ._analysis import check_args, contacts_without_drag
-from ._check import check_declaration, check_directions, check_held, check_law, check_load, check_mass
+from ._check import (
+    check_declaration,
+    check_directions,
+    check_held,
+    check_law,
+    check_mass,
+    check_pressed,
+)
 from ._dependent import motion_in_rows
 from ._first_order import check_rates
 from ._forms import BristleMechanism, RegularisedMechanism
 from ._gaps import check_gaps
 from ._group import AbstractContactGroup
 from ._known import numbers_known
+from ._laws import resisting
 from ._modes import ModeNames
 from ._moment import touching
 from ._observables import AbstractWithObservables
@@ -155,7 +163,8 @@ class AbstractMechanism(AbstractWithObservables):
 
     **Raises** `DeclarationError`, `ValueError` or `TypeError` that name what is declared wrongly,
     before anything is compiled: directions of the wrong length, a mass matrix that is not positive
-    definite, a law that has no set-valued form, a normal force that is negative at the start.
+    definite, a law that has no set-valued form, a normal force that is negative at the start, friction
+    that drives there.
 
     ??? cite "Reference"
 
@@ -243,7 +252,7 @@ class AbstractMechanism(AbstractWithObservables):
         return where(failed, jnp.asarray(NO_MODE, mode.dtype), mode)
 
     def check_start(self, t, y, args):
-        """Raise `ValueError` for a contact that pulls at the start, and a wrong inertia or stop."""
+        """Raise `ValueError` for a contact that pulls or drives at the start, wrong inertia or stop."""
         names = self.names
         if not all(hasattr(y, name) for name in (*names.kept, *names.velocities)):
             return  # no state of this mechanism, as the run says
@@ -254,12 +263,14 @@ class AbstractMechanism(AbstractWithObservables):
         check_rates(self, t, y, args)
         if is_concrete((self, y)):
             check_mass(self, type(self).to_coordinates(self, y)[0])
-        fixed = [name for name in names.contacts if name not in names.opening]
-        if fixed and is_concrete((self, t, y, args)):
-            loads = numbers_known(_loads, self, t, y, args)
-            loads = _compiled_loads(self, t, y, args) if loads is None else loads
-            for name, load in zip(fixed, loads, strict=True):
-                check_load(name, load)
+        if names.contacts and is_concrete((self, t, y, args)):
+            try:
+                found = numbers_known(_start_numbers, self, t, y, args)
+                found = _compiled_start_numbers(self, t, y, args) if found is None else found
+            except jax.errors.JAXTypeError:
+                return  # closed over what is traced
+            if is_concrete(found):
+                check_pressed(self, found)
 
     def check_mode(self, t, y, mode, args):
         """Raise `ValueError` for a contact that sticks in this mode but slides, or a closed stop not
@@ -298,15 +309,18 @@ class AbstractMechanism(AbstractWithObservables):
         return BristleMechanism(self, kind, parameters)
 
 
-def _loads(machine: AbstractMechanism, t: Any, y: Any, args: Any) -> list[Any]:
-    """Normal forces of the contacts that do not open [N]."""
+def _start_numbers(machine: AbstractMechanism, t: Any, y: Any, args: Any) -> list[Any]:
+    """Normal forces of the contacts that do not open [N], then coefficients that resist of each."""
     names = machine.names
-    contacts, *_ = touching(machine, machine.structure, t, *machine.to_coordinates(y), args)
-    loads = zip(names.contacts, contacts, strict=True)
-    return [jnp.asarray(c.normal_force, jnp.float64) for name, c in loads if name not in names.opening]
+    contacts, _, speeds, *_ = touching(machine, machine.structure, t, *machine.to_coordinates(y), args)
+    pairs = [*zip(names.contacts, contacts, strict=True)]
+    found = [c.normal_force for name, c in pairs if name not in names.opening]
+    for contact, speed in zip(contacts, speeds, strict=False):
+        found += resisting(contact, speed)
+    return [jnp.asarray(x, jnp.float64) for x in found]
 
 
-_compiled_loads = jit_by_code(_loads)
+_compiled_start_numbers = jit_by_code(_start_numbers)
 
 
 def _held(machine: AbstractMechanism, t: Any, y: Any, mode: Any, args: Any) -> list[Any]:

@@ -11,6 +11,7 @@ from ._ahead import loosened_ahead, sliding_ahead
 from ._contact import drags
 from ._group import Fired
 from ._impacts import impact, touches
+from ._laws import drives
 from ._moment import Moment
 from ._scalars import any_of, is_zero
 
@@ -146,7 +147,7 @@ def initial_states(now: Moment) -> tuple[Any, Any]:
     """
     at, structure = now.at, now.structure
     states: Any = [jnp.sign(u) for u in at.speeds]
-    failed = jnp.zeros((), bool)
+    failed = drives(at.contacts, at.speeds)
     for k in range(len(at.stops)):
         met, beyond = touches(at, k)
         states[len(at.contacts) + k] = where(met, 0.0, 2.0)

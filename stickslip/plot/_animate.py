@@ -74,6 +74,8 @@ def animate(
     readings = _readings(scene, draw)
     panels = len(functions)
     points = np.concatenate([np.zeros((0, 2)), *(reading.points for reading in readings)])
+    if not np.isfinite(points).any(axis=0).all():
+        raise refusal("draw", draw, "parts that are somewhere: no frame has a finite place")
     size, corners = _view(points)
     tall = np.clip(6.6 * np.ptp(corners[:, 1]) / np.ptp(corners[:, 0]), 1.4, 5.0)
     figure = Figure(figsize=(7.0, 0.8 + tall + 1.7 * panels), layout="constrained")
@@ -106,6 +108,9 @@ def _frames(source: Source, speed: Any, per_second: Any) -> np.ndarray:
     one_concrete("speed", speed, "positive")
     check_count("per_second", per_second, 1)
     begin, end = source.time[0], source.time[-1]
+    if not end > begin:
+        but = f"with {source.time.size} row{'s' * (source.time.size != 1)}, from {begin:g} to {end:g}"
+        raise refusal("solution", source.solution, "kept at two times or more", but=but)
     step = float(speed) / per_second
     if not 1.0 <= (end - begin) / step <= Movie.most - 1:
         least, most = (per_second * (end - begin) / n for n in (Movie.most - 1, 1))

@@ -11,6 +11,7 @@ from matplotlib.lines import Line2D
 
 from .._drawing import BAND as BAND
 from .._drawing import BLUE as BLUE
+from .._drawing import GREEN as GREEN
 from .._drawing import GREY as GREY
 from .._drawing import RED as RED
 from .._validation import refusal

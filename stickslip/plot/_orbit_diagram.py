@@ -23,7 +23,8 @@ def orbit_diagram(
     """An orbit diagram: every point of every lane over its parameter.
 
     Unless a `color` is given, points of lanes whose status is not "ok" are red, and a legend says why,
-    with the numbers of lanes.
+    with the numbers of lanes, of those without a point too. Lanes that came to rest are green: the
+    points on their way, and a ring where a component of the state rests.
 
     **Arguments**
 
@@ -65,11 +66,20 @@ def orbit_diagram(
     places = np.broadcast_to(np.asarray(across)[:, None], values.shape)
     shown = np.isfinite(values)
     dots = _dots(int(shown.sum()))
-    doubtful, why = _not_ok(dataset, parameter)
-    bad = shown & doubtful[:, None] & ("color" not in options)
-    axis.plot(places[shown & ~bad], values[shown & ~bad], **{**dots, **options})
-    if bad.any():
-        axis.plot(places[bad], values[bad], **{**dots, "color": _axes.RED, **options, "label": why})
+    rests, others, why = _not_ok(dataset, parameter)
+    if "color" in options or not why:
+        rests, others, why = rests & False, others & False, {}
+    ok = shown & ~(rests | others)[:, None]
+    axis.plot(places[ok], values[ok], **{**dots, **options})
+    for lanes, color in ((others, _axes.RED), (rests, _axes.GREEN)):
+        if lanes.any():
+            these, look = shown & lanes[:, None], {**dots, "color": color, **options}
+            axis.plot(places[these], values[these], **look, label=why[color])
+    if rests.any() and (place := _place_of_rest(dataset, base, observable, index)) is not None:
+        ring = {**dots, "marker": "o", "markerfacecolor": "none", "markeredgewidth": 0.8}
+        ring |= {"color": _axes.GREEN, "markersize": 3.0, "zorder": 3}
+        axis.plot(np.asarray(across)[rests], place[rests], **ring)
+    if why:
         axis.legend(fontsize="small", markerscale=max(1.0, 4.0 / dots["markersize"]))
     axis.set_xlabel(_label(across, parameter))
     entry = observable.removeprefix(base)
@@ -77,18 +87,32 @@ def orbit_diagram(
     return axis
 
 
-def _not_ok(dataset: xr.Dataset, parameter: str) -> tuple[np.ndarray, str]:
-    """Which lanes have another status than "ok", and which ones in words, with numbers of lanes."""
+def _not_ok(dataset: xr.Dataset, parameter: str) -> tuple[np.ndarray, np.ndarray, dict[str, str]]:
+    """Lanes at rest, others whose status is not "ok", and words by colour, with numbers of lanes."""
     status = dataset.get("status")
     if status is None or status.dims != (parameter,):
-        return np.zeros(dataset.sizes[parameter], bool), ""
-    numbers = np.asarray(status)
-    counts = (
-        f"{word.replace('_', ' ')}: {amount(count, 'lane')}"
-        for number, word in enumerate(status.attrs["flag_meanings"].split())
-        if number and (count := int(np.sum(numbers == number)))
-    )
-    return numbers != 0, ", ".join(counts)
+        none = np.zeros(dataset.sizes[parameter], bool)
+        return none, none, {}
+    numbers, words = np.asarray(status), status.attrs["flag_meanings"].split()
+    rests = numbers == (words.index("at_rest") if "at_rest" in words else -1)
+    said = {}
+    for color, lanes in ((_axes.RED, (numbers != 0) & ~rests), (_axes.GREEN, rests)):
+        counts = (
+            f"{word.replace('_', ' ')}: {amount(count, 'lane')}"
+            for number, word in enumerate(words)
+            if (count := int(np.sum(lanes & (numbers == number))))
+        )
+        said |= {color: text} if (text := ", ".join(counts)) else {}
+    return rests, (numbers != 0) & ~rests, said
+
+
+def _place_of_rest(dataset: xr.Dataset, base: str, observable: str, index: Any) -> Any:
+    """Where each lane ends, of a component of the state; None of other observables."""
+    for prefix in ("end", "carry"):
+        ended = dataset.get(f"{prefix}_{base}")
+        if ended is not None:
+            return np.asarray(_one_number(ended, observable, index), float).reshape(-1)
+    return None
 
 
 def _one_number(found: xr.DataArray, observable: str, index: tuple[int, ...] | None) -> xr.DataArray:

@@ -70,6 +70,10 @@ class Scene:
         if isinstance(quantity, int | float):
             return np.full(self.times.size, float(quantity))
         where = f"{self.part}.{name}"
+        if self.source.dataset and callable(quantity):
+            names = ", ".join(self.source.names)
+            allowed = f"a number or one of {names}: a Dataset has no states for a function"
+            raise refusal(where, quantity, allowed)
         function = self.source.function(where, _observable(quantity))
         found = self.source.row(quantity, function)
         if found.values.shape != self.source.time.shape:

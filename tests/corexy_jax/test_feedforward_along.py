@@ -250,6 +250,33 @@ def test_what_cannot_be_followed_is_refused(path, words):
         cx.feedforward_along(MACHINE, path(), volts=24.0)
 
 
+@pytest.mark.parametrize(
+    ("corners", "radius"),
+    [
+        ([(0.0, 0.0), (0.3, 0.0), (0.3, 0.2), (0.0, 0.2)], 0.05),
+        ([(0.0, 0.0), (0.0, 0.2), (0.3, 0.2), (0.3, 0.0)], 0.1),
+        # The arc at a sharp corner takes more than half of its lines.
+        ([(0.0, 0.0), (0.3, 0.01), (0.3, 0.2)], 0.055),
+    ],
+)
+def test_all_corners_of_a_closed_path_are_round(corners, radius):
+    path = cx.Path.rounded([*corners, corners[0]], radius)
+    places = np.asarray(path.jets(np.linspace(0.0, path.end, 20001))[0])
+    np.testing.assert_allclose(places[0], places[-1], atol=1e-15)
+    first, last = (path.jets(np.array([at]))[1] for at in (0.0, path.end))
+    np.testing.assert_allclose(first, last, atol=1e-12)  # in one direction
+    # The inner angle a of a corner: 2 r / tan(a/2) is cut off, (pi - a) r goes round.
+    points = np.array(corners)
+    to, on = np.roll(points, 1, axis=0) - points, np.roll(points, -1, axis=0) - points
+    sides = np.linalg.norm(on, axis=1)
+    cosine = np.sum(to * on, axis=1) / (np.linalg.norm(to, axis=1) * sides)
+    inner = np.arccos(cosine)
+    length = sides.sum() + np.sum((np.pi - inner) * radius - 2.0 * radius / np.tan(0.5 * inner))
+    assert path.end == pytest.approx(length, rel=1e-13)
+    nearest = np.linalg.norm(places[:, None] - points, axis=2).min(axis=0)
+    np.testing.assert_allclose(nearest, radius * (1.0 / np.sin(0.5 * inner) - 1.0), rtol=1e-3)
+
+
 def test_wrong_paths_are_refused():
     with pytest.raises(ValueError, match=r"radius = 0.3: it must be so small that the corners fit"):
         cx.Path.rounded(ROUNDED, 0.3)

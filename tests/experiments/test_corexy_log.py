@@ -100,6 +100,7 @@ def test_template_tells_the_tensions(tmp_path, capsys):
     assert main(["identify-corexy", "--data", str(log), "--out", str(tmp_path / "out"), *words]) == 0
     told = capsys.readouterr().out
     assert "identifiable" in told
+    assert "\nfitted from rest\nscored from rest\n" in told
     scored = told.partition("log.csv, to which nothing was fitted, from rest\n")[2]
     chi = [float(line.split()[-1]) for line in scored.splitlines() if "chi squared" in line]
     assert len(chi) > 1

@@ -41,8 +41,10 @@ def test_a_further_record(kind, tmp_path, capsys):
         (tmp_path / copy).write_bytes(whole)
     changes = [*changes, f"scored={further}"]
     _output.run(command.EXPERIMENT, tmp_path, quick=True, data=tmp_path, changes=changes)
-    told = [line for line in capsys.readouterr().out.splitlines() if line.startswith(f"{further}, ")]
+    lines = capsys.readouterr().out.splitlines()
+    told = [line for line in lines if line.startswith(f"{further}, ")]
     assert len(told) == 2
+    assert any(line.startswith("fitted from a state that is ") for line in lines)
     for line in told:
         errors = _numbers(line.partition("error")[2])
         if kind == "rock":  # fitted to it or taken over from its copy: the same
@@ -58,6 +60,7 @@ def test_further_trajectories(tmp_path, capsys):
     _output.run(of_arm.EXPERIMENT, tmp_path, quick=True, data=_folder(), changes=changes)
     told = capsys.readouterr().out
     assert "Trajectory 2 after 3 s, simulation: " in told
+    assert "\nfitted from rest: at the first angles" in told
     assert "trajectory 5 [rad]" in told
 
 

@@ -184,18 +184,39 @@ def test_a_lightly_damped_resonance_is_not_ok_before_it_has_settled(transient):
 
 @pytest.mark.more
 def test_a_motion_at_rest_has_no_period():
-    """A block on a belt at rest stops and sticks: the section is never reached."""
+    """A block on a belt at rest stops and sticks: the section is never reached after the transient."""
     result = diagram(
         CoulombOscillator(1.0, 1.0, 1.0, 0.5, 0.2), {"belt_speed": [0.0, 0.3]}, Motion(0.0, 0.4),
         section=Maximum("x"), observables=["x", "v"], transient=20.0, duration=60.0, check=0,
         integrator=ss.Integrator("rk4", ss.FixedStep(0.01)), compute=Compute("portable"),
     )  # fmt: skip
-    assert meanings(result) == ["no_crossing", "ok"]
+    assert meanings(result) == ["at_rest", "ok"]
     assert result.period.values.tolist() == [-1, 1]
-    assert meanings(result, "period_status") == ["too_few_points", "repeats"]
+    assert meanings(result, "period_status") == ["constant", "repeats"]
     # Slip against 0.5 N until the first stop; there it stays to the end.
     assert float(result.end_x[0]) == pytest.approx(np.sqrt(0.5**2 + 0.4**2) - 0.5, abs=1e-7)
     assert float(result.end_v[0]) == 0.0
+
+
+@pytest.mark.more
+def test_motions_that_decay_are_told_apart_from_rest_and_from_one_another():
+    """By friction F maxima fall by 4 F a swing, and rest begins within F; without it they repeat."""
+    force = np.array([0.0, 0.005, 0.02, 0.1, 2.0])
+    result = diagram(
+        lambda force: CoulombOscillator(1.0, 1.0, force, force, 0.0), {"force": force},
+        Motion(1.0, 0.0), section=Maximum("x"), observables="x", transient=0.0, duration=120.0,
+        max_points=32, check=0, compute=Compute("portable"),
+    )  # fmt: skip
+    assert meanings(result)[0] == "ok"
+    assert meanings(result)[1] in ("too_few_points", "not_settled")
+    assert meanings(result)[2:] == ["at_rest"] * 3
+    assert result.period.values.tolist() == [1, -1, -1, -1, -1]
+    assert meanings(result, "period_status")[2:] == ["constant"] * 3
+    for lane in (1, 2, 3):
+        seen = result.x.values[lane, : int(result["count"][lane])]
+        closed = 1.0 - 4.0 * force[lane] * (1.0 + np.arange(seen.size))
+        np.testing.assert_allclose(seen, closed, atol=1e-7)
+    assert (np.abs(result.end_x.values[2:]) <= force[2:] + 1e-9).all()
 
 
 @pytest.mark.more

@@ -158,12 +158,21 @@ def test_a_fit_of_other_unknowns_is_refused(fit):
 
 def test_a_picture_has_both_bands_and_the_data(problem, fit):
     found = problem.predict(fit)
-    (axis,) = plot.prediction(found)
-    assert axis.get_ylabel() == "position [m]"
-    assert len(axis.collections) == 2
+    axis, below = plot.prediction(found)
+    assert (axis.get_ylabel(), below.get_ylabel()) == ("position [m]", "residual [m]")
+    assert len(axis.collections) == len(below.collections) == 2
     data, line = axis.lines
     np.testing.assert_array_equal(data.get_ydata(), found.record.values["position"])
     np.testing.assert_array_equal(line.get_ydata(), found.mean["position"])
+    left, zero = below.lines
+    residual = found.record.values["position"] - found.mean["position"]
+    np.testing.assert_array_equal(left.get_ydata(), residual)
+    assert not np.any(zero.get_ydata())
+    (corners,) = (path.vertices for path in below.collections[0].get_paths())
+    half = found.measured_upper["position"] - found.mean["position"]
+    assert corners[:, 1].max() == pytest.approx(half.max(), rel=1e-12)
+    (alone,) = plot.prediction(found, ax=[axis])  # in axes of one's own: the motion
+    assert alone is axis
     plt.close(axis.figure)
     assert set(found.to_dataset()) == {"position" + part for part in (
         "", "_lower", "_upper", "_measured_lower", "_measured_upper")}  # fmt: skip

@@ -44,7 +44,8 @@ def test_matlab(tmp_path):
     cells[:] = [T, ANGLE[:3]]
     scipy.io.savemat(path, {"log": {"t": T, "phi": ANGLE}, "runs": cells, "who": "me", "one": 3.0})
     table = read_table(path)
-    assert set(table) == {"log.t", "log.phi", "runs[0]", "runs[1]", "one"}
+    assert set(table) == {"log.t", "log.phi", "runs[0]", "runs[1]", "one", "who"}
+    assert str(table["who"]) == "me"
     np.testing.assert_array_equal(table["log.phi"], ANGLE)
     np.testing.assert_array_equal(table["runs[1]"], ANGLE[:3])
     with h5py.File(tmp_path / "b.mat", "w", userblock_size=512) as data:
@@ -52,6 +53,52 @@ def test_matlab(tmp_path):
     with (tmp_path / "b.mat").open("r+b") as data:
         data.write(b"MATLAB 7.3 MAT-file".ljust(116) + b" " * 8 + b"\x00\x02IM")
     np.testing.assert_array_equal(read_table(tmp_path / "b.mat")["log.phi"], ANGLE)
+
+
+def test_texts_and_the_rest_of_a_matlab_file(tmp_path):
+    path, names = tmp_path / "a.mat", np.empty(2, object)
+    names[:] = ["phi", "psi"]
+    scipy.io.savemat(path, {"head": {"names": names}, "lines": ["ab", "cd"], "z": [1.0 + 2.0j]})
+    table = read_table(path)
+    assert table["head.names"].tolist() == ["phi", "psi"] == list(table["head.names"])
+    assert table["lines"].tolist() == ["ab", "cd"]
+    assert table["z"] == 1.0 + 2.0j
+
+
+def test_texts_and_the_rest_of_a_file_of_version_7_3(tmp_path):
+    """As MATLAB writes it: texts are numbers of letters, cells references, and an object is neither."""
+    path = tmp_path / "b.mat"
+
+    def letters(text):
+        return np.array([[ord(x)] for x in text], np.uint16)
+
+    with h5py.File(path, "w", userblock_size=512) as data:
+        data["who"] = letters("me")
+        data["who"].attrs["MATLAB_class"] = np.bytes_("char")
+        data["#refs#/a"], data["#refs#/b"] = letters("phi"), letters("psi")
+        for name in "ab":
+            data[f"#refs#/{name}"].attrs["MATLAB_class"] = np.bytes_("char")
+        data["#refs#/c"] = ANGLE[:, None]
+        for name, those in (("names", "ab"), ("runs", "ca")):
+            cells = np.array([[data[f"#refs#/{x}"].ref] for x in those], h5py.ref_dtype)
+            data.create_dataset(name, data=cells, dtype=h5py.ref_dtype)
+            data[name].attrs["MATLAB_class"] = np.bytes_("cell")
+        data["nothing"] = np.array([0, 0], np.uint64)
+        data["nothing"].attrs["MATLAB_empty"] = 1
+        data["title"] = np.array([[0xDD000000, 2, 1, 1, 1, 1]], np.uint32)
+        data["title"].attrs["MATLAB_object_decode"] = 3
+        data["title"].attrs["MATLAB_class"] = np.bytes_("string")
+    with path.open("r+b") as data:
+        data.write(b"MATLAB 7.3 MAT-file".ljust(116) + b" " * 8 + b"\x00\x02IM")
+    with pytest.warns(
+        UserWarning, match=r"b\.mat: left out title, which are neither numbers nor texts"
+    ):
+        table = read_table(path)
+    assert list(table) == ["names", "nothing", "runs[0]", "runs[1]", "who"]
+    assert (str(table["who"]), str(table["runs[1]"])) == ("me", "phi")
+    assert table["names"].tolist() == ["phi", "psi"]
+    assert table["nothing"].size == 0
+    np.testing.assert_array_equal(table["runs[0]"], ANGLE)
 
 
 def test_refused(tmp_path):

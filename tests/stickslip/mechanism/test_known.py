@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip.friction import Coulomb
+from stickslip.friction import Coulomb, Stribeck
 from stickslip.mechanism import AbstractMechanism, Contact
 from stickslip.mechanism._known import numbers_known
 from stickslip.systems import BouncingBall, OscillatorBetweenStops, PairMotion, TwoBlocksOnBelt
@@ -114,3 +114,14 @@ def test_random_keys_are_no_numbers():
     key = jax.random.key(0)
     run = ss.simulate(TwoBlocksOnBelt(**PAIR), 0.0, 0.1, PairMotion(0.1, 0.0, 0.0, 0.0), args=key)
     assert bool(run.successful)
+
+
+def coefficients(law, speed):
+    return [law.coefficient(speed), law.coefficient(-speed)]
+
+
+@pytest.mark.parametrize("exponent", [2.0, 1.5])
+def test_exponentials_of_a_law_are_arithmetic(exponent):
+    found = numbers_known(coefficients, Stribeck(0.4, 0.2, 0.05, exponent), 0.06)
+    expected = 0.2 + 0.2 * np.exp(-((0.06 / 0.05) ** exponent))
+    np.testing.assert_allclose(found, [expected, -expected], rtol=1e-14)

@@ -115,8 +115,12 @@ def test_of_a_dataset(run):
         movie.update(30)
         (body,) = movie.figure.axes[0].patches
         assert body.get_x() + 0.5 * body.get_width() == pytest.approx(2.25)
-    with pytest.raises(ValueError, match=r"draw\[0\].x = <function.*it must be one of s"):
+    with pytest.raises(ValueError, match=r"draw\[0\].x = <function.*<lambda>.*Dataset has no states"):
         plot.animate(data, draw=[Block(lambda t, y: y.s)])
+    with pytest.raises(ValueError, match=r"solution = .*with 1 row, from 0 to 0: .* two times or more"):
+        plot.animate(data.isel(time=[0]), draw=[Block("s")])
+    with pytest.raises(ValueError, match=r"draw = \[Block.*no frame has a finite place"):
+        plot.animate(data.assign(s=data.s * np.nan), draw=[Block("s")])
 
 
 def test_wrong_drawings_are_named(run):

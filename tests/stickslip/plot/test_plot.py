@@ -13,7 +13,7 @@ import xarray as xr
 
 import stickslip as ss
 from stickslip import plot
-from stickslip._drawing import BLUE, RED
+from stickslip._drawing import BLUE, GREEN, RED
 from stickslip.analysis import LyapunovSpectrum, amplitude_spectrum, energy_ledger, time_history
 from stickslip.control import HuntingMap
 from stickslip.friction import Coulomb
@@ -251,6 +251,12 @@ def test_orbit_diagram():
     assert [line.get_ydata().tolist() for line in axis.lines] == [[1.0], [1.0, 2.0]]
     assert [line.get_color() for line in axis.lines] == [BLUE, RED]
     assert [text.get_text() for text in axis.get_legend().get_texts()] == ["not settled: 1 lane"]
+    status = {"flag_values": [0, 1, 2], "flag_meanings": "ok no_crossing at_rest"}
+    axis = plot.orbit_diagram(data.assign(status=("k", [1, 2], status), end_x=("k", [0.3, 0.5])))
+    texts = [text.get_text() for text in axis.get_legend().get_texts()]
+    assert texts == ["no crossing: 1 lane", "at rest: 1 lane"]
+    assert [line.get_color() for line in axis.lines] == [BLUE, RED, GREEN, GREEN]
+    assert axis.lines[3].get_xydata().tolist() == [[4.0, 0.5]]
     with pytest.raises(ValueError, match=r"dataset = .*of points over m, k: it must be over one param"):
         plot.orbit_diagram(data.expand_dims(m=[0.0, 1.0]))
 
