@@ -35,6 +35,13 @@ class Commanded(NamedTuple):
     args: PyTree
 
 
+class Ramp(NamedTuple):
+    """An output, or a part of one, that goes on from `value` at a `rate` per second."""
+
+    value: Any
+    rate: Any
+
+
 class Controlled(NamedTuple):
     """State `y` of the system, and what the controller holds between its samples.
 
@@ -51,6 +58,13 @@ class Controlled(NamedTuple):
     waits: Any = None
 
     held = ("state", "output", "queue", "clock", "waits")
+
+
+def _parts(output: PyTree, of_ramp: Callable, of_rest: Callable) -> PyTree:
+    def is_ramp(part):
+        return isinstance(part, Ramp)
+
+    return jax.tree.map(lambda a: (of_ramp if is_ramp(a) else of_rest)(a), output, is_leaf=is_ramp)
 
 
 def under_command(system: Any, output: PyTree, args: PyTree) -> tuple[Any, PyTree]:
@@ -106,7 +120,7 @@ class WithController(AbstractSystemWrapper):
       two samples at one instant the inner one is taken first.
     - `update`: a function, or an `equinox.Module` that is called, whose numbers then are parameters:
       gains have derivatives. Its `args` are those of the run. `output` and `state` are pytrees of
-      numbers, of the same form at every sample.
+      numbers, of the same form at every sample; a `Ramp` in an output goes on while it is held.
     - `period` $T_s$ [s], positive; `state`: that of the controller before its first sample.
     - `measure(t, y, args)`: by default the state of `system` as it is; see `encoder_reading`.
     - `delay` $d$: whole periods, an integer; `latency` $\tau$ [s]: from a sample to what it
@@ -197,7 +211,7 @@ class WithController(AbstractSystemWrapper):
         return self.offset + number * self.period
 
     def _under(self, output: PyTree, args: PyTree) -> tuple[Any, PyTree]:
-        return self.drive(self.system, output, args)
+        return self.drive(self.system, _parts(output, lambda a: a.value, lambda a: a), args)
 
     def inner(self, y, args):
         return y.y, self._under(y.output, args)[1]
@@ -205,7 +219,10 @@ class WithController(AbstractSystemWrapper):
     def vector_field(self, t, y, mode, args):
         system, given = self._under(y.output, args)
         still = jax.tree.map(jnp.zeros_like, y)
-        return still._replace(y=system.vector_field(t, y.y, mode, given), clock=-jnp.ones_like(y.clock))
+        return still._replace(
+            y=system.vector_field(t, y.y, mode, given), clock=-jnp.ones_like(y.clock),
+            output=_parts(y.output, lambda a: Ramp(a.rate, jnp.zeros_like(a.rate)), jnp.zeros_like),
+        )  # fmt: skip
 
     def guards(self, t, y, mode, args):
         system, given = self._under(y.output, args)

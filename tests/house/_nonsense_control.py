@@ -45,6 +45,7 @@ TARGETS = [
             "period": arg(0.1, *POSITIVE),
         },
     ),
+    Target(control.FirstOrderHold, {"controller": UPDATE, "period": arg(0.1, *POSITIVE)}),
     Target(
         control.ZeroVibration,
         {

@@ -77,7 +77,7 @@ EXEMPT_METHODS = {
             "forces", "contacts", "gaps", "potential_energy", "rates", "HarmonicForce.__call__",
             "Jenkins.bounds", "LinearStructure.initial_mode", "AbstractIntegrating.__call__",
             "ResetPID.__call__", "FrictionFeedforward.__call__", "DisturbanceObserver.__call__",
-            "ZeroVibration.__call__",
+            "ZeroVibration.__call__", "FirstOrderHold.__call__",
         ),
         CALLED_BY_ENGINE,
     ),

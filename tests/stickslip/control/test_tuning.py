@@ -23,7 +23,7 @@ def off(gains, static):
     loop = under_pid(T, *gains, static)
     saved = ss.SaveAt(ts=SEEN * T, events=False)
     run = ss.simulate(loop, 0.0, 4.0, begin(loop), saveat=saved, throw=False)
-    return jnp.sqrt(jnp.mean(run.outputs.y.y.x ** 2))
+    return jnp.sqrt(jnp.mean(run.outputs.y.y.x**2))
 
 
 def worst(logarithms):
