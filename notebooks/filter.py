@@ -21,7 +21,6 @@
 from typing import Any, ClassVar
 
 import jax
-import jax.numpy as jnp
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -66,13 +65,13 @@ class Block(AbstractMechanism):
 block = Block()
 t = 0.5 * np.arange(1, STAMPS + 1)
 saved = ss.SaveAt(ts=t, max_events=None)
-truth = ss.simulate(block, 0.0, t[-1], block.state(d=0.05, v_x=0.2), saveat=saved)
+truth = ss.simulate(block, 0.0, t[-1], block.state(d=0.015, v_x=0.2), saveat=saved)
 read = truth.outputs.y.x + 0.01 * np.random.default_rng(7).normal(size=t.size)
 
 # %% [markdown]
 # ## The filter
 #
-# It begins with a state and its standard deviations, here without a guess of the push. Between the
+# It begins with a state and its standard deviations: the push is 0 within 0.02 N or so. Between the
 # stamps the mean moves as `simulate` moves it, and the covariance with the derivative of the motion. An
 # event turns it by the saltation matrix; where slip turns into stick that loses a rank, and what was
 # not known about the speed is gone.
@@ -85,7 +84,7 @@ def position(system, t, y, mode, args):
 
 def track(kinetic, drift):
     system = Block(kinetic)
-    start = Gaussian(block.state(v_x=0.2), spread=block.state(x=0.01, d=0.1))
+    start = Gaussian(block.state(v_x=0.2), spread=block.state(x=0.01, d=0.02))
     noise = Noise({"x": 0.01}, process=block.state(d=drift))
     return kalman_filter(system, 0.0, start, t, {"x": read}, position, noise)
 
@@ -124,17 +123,16 @@ plt.show()
 # %%
 value, sd = later.sense(unmeasured)
 sticks = np.asarray(later.modes) == block.mode_names.index("stick")
-print(
-    f"speed in stick to {sd['speed'][sticks].max():.1e} m/s, in slip to {sd['speed'][~sticks].max():.4f}"
-)
-off = (later.means.d[-1] - 0.05) / np.sqrt(later.covariances[-1, 1, 1])
+speed = sd["speed"]
+print(f"speed in stick to {speed[sticks].max():.0e} m/s, in slip to {speed[~sticks].max():.4f} m/s")
+off = (later.means.d[-1] - 0.015) / np.sqrt(later.covariances[-1, 1, 1])
 print(f"push {later.means.d[-1]:.4f} N, {abs(off):.1f} standard deviations from the truth")
 
 # %% tags=["remove-cell"]
 assert sd["speed"][sticks].max() < 1e-9
 assert abs(off) < 3.0
 inside = np.abs(np.asarray(value["speed"] - known["speed"])) <= 3 * np.asarray(sd["speed"]) + 1e-9
-assert inside.mean() > 0.9
+assert inside.mean() > 0.95
 
 # %% [markdown]
 # ## Parameters and noise from the same record
@@ -154,8 +152,9 @@ assert abs(best - 0.5) <= 0.0051
 assert slope[0] > 0.0 > slope[-1]
 
 # %% [markdown]
-# The filter is of first order: break-away should be known to within the time between stamps. Where the
-# friction is not the one assumed, the normalised innovations say so: their mean square should be 1.
+# The filter is of first order: break-away should be known to within the time between stamps, or the
+# bands behind it are too narrow. A push known to 0.1 N is half a second here, which is too much. Where
+# the friction is not the one assumed, the normalised innovations say so: their mean should be 1.
 
 # %%
 for kinetic in (0.45, 0.5, 0.55):

@@ -151,7 +151,7 @@ plt.show()
 
 # %%
 statics = np.linspace(2.4, 3.3, 7)
-seen = jnp.arange(60, 401) * PERIOD
+seen = PERIOD * np.arange(60, 401)
 
 
 def error(gains, static):
@@ -166,13 +166,14 @@ def worst(logarithms, statics=statics):
 
 slope = jax.jit(jax.value_and_grad(worst))
 adam = optax.adam(0.05)
+ahead = jax.jit(adam.update)
 here = jnp.log(rule)
 state, costs, best = adam.init(here), [], here
 for _ in range(STEPS):
     cost, gradient = slope(here)
     best = here if cost <= min(costs, default=cost) else best
     costs.append(float(cost))
-    change, state = adam.update(gradient, state)
+    change, state = ahead(gradient, state)
     here = here + change
 tuned = np.exp(best)
 print("kp {:.1f} N m/rad, ki {:.0f} N m/(rad s), kd {:.2f} N m s/rad".format(*tuned))
