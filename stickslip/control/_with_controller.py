@@ -132,8 +132,8 @@ class WithController(AbstractSystemWrapper):
     State `Controlled`; `start(y, t, args)` makes one. A sample at the start of a run belongs to it, and
     one at its end too. Derivatives go through all samples, by `period`, `latency` and `offset` too. By
     readings that are rounded they are zero, and by a static friction that the jump of an output
-    overcomes: the stick ends with the sample. Of a periodic orbit, forced with a period of $n T_s$,
-    take the guess from the end of a run, or between two samples. `max_steps` of an `Integrator` bounds
+    overcomes: the stick ends with the sample. Periodic orbits are those forced with a period of
+    $n T_s$; hunting under a controller that is sampled does not close in general. `max_steps` of an `Integrator` bounds
     the attempts, two or more a sample.
 
     **Errors** `TypeError`, `ValueError` naming the argument; also for an `update` with another `period`

@@ -27,9 +27,7 @@ OFTEN = {
 }
 TARGETS = [
     Target(control.PID, {"kp": GAIN, "ki": GAIN, "kd": GAIN, **OFTEN}),
-    Target(
-        control.Cascade, {"k_position": GAIN, "k_velocity": GAIN, "k_integral": GAIN, **OFTEN}
-    ),
+    Target(control.Cascade, {"k_position": GAIN, "pid": arg(PID)}),
     Target(control.ResetPID, {"pid": arg(PID), "factor": GAIN}),
     Target(
         control.FrictionFeedforward,

@@ -1,12 +1,14 @@
 """The branch of the hunting cycle without sampling, by root finding, and where it is born and ends."""
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 import scipy.linalg
 import scipy.optimize
 
-from stickslip.continuation import Follow, OrbitGuess, continue_orbit, periodic_orbit
-from tests.stickslip.control._axis import Continuous
+import stickslip as ss
+from stickslip.continuation import Follow, OrbitGuess, continue_orbit, orbit_guess, periodic_orbit
+from tests.stickslip.control._axis import Continuous, begin, under_pid
 
 
 def cycle(ki, excess=0.5, guess=(0.0053, 0.55)):
@@ -84,3 +86,29 @@ def test_the_branch_over_the_excess_is_born_at_zero_with_an_infinite_period():
     rests = [cycle(600.0, e, (a * e / 0.5, slips))[2] for e in excess]
     np.testing.assert_allclose(found.orbits.period, 2.0 * (slips + np.array(rests)), rtol=1e-8)
     assert float(np.max(found.orbits.period)) > 100.0
+
+
+@pytest.mark.slow
+def test_a_forced_orbit_of_a_sampled_loop_is_followed_over_a_gain():
+    """The period is 100 samples; each orbit is where a long run of its loop ends."""
+    w = np.pi
+
+    def reference(t, args):
+        return 0.2 * jnp.sin(w * t), 0.2 * w * jnp.cos(w * t)
+
+    def loop(ki):
+        return under_pid(0.02, ki=ki, pid={"reference": reference})
+
+    guess = orbit_guess(
+        loop(50.0), begin(loop(50.0), 0.0), transient=20.0, max_period=2.0, forcing_period=2.0
+    )
+    found = continue_orbit(
+        loop(50.0), guess, "update__ki", (30.0, 70.0), forcing_period=lambda system: 2.0,
+        follow=Follow(step=0.1, max_points=4),
+    )  # fmt: skip
+    assert len(found.values) == 7
+    assert np.all(np.asarray(found.orbits.stable))
+    first = loop(float(found.values[0]))
+    run = ss.simulate(first, 0.0, float(guess.t0) + 40.0, begin(first, 0.0))
+    assert float(found.values[0]) != pytest.approx(50.0, abs=1.0)
+    assert float(found.orbits.y0.y.x[0]) == pytest.approx(float(run.y1.y.x), abs=1e-12)
