@@ -133,8 +133,8 @@ class WithController(AbstractSystemWrapper):
     one at its end too. Derivatives go through all samples, by `period`, `latency` and `offset` too. By
     readings that are rounded they are zero, and by a static friction that the jump of an output
     overcomes: the stick ends with the sample. Periodic orbits are those forced with a period of
-    $n T_s$; hunting under a controller that is sampled does not close in general. `max_steps` of an `Integrator` bounds
-    the attempts, two or more a sample.
+    $n T_s$, from a guess between two samples, such as that of `orbit_guess`; sampled hunting does not
+    close in general. `max_steps` of an `Integrator` bounds the attempts, two or more a sample.
 
     **Errors** `TypeError`, `ValueError` naming the argument; also for an `update` with another `period`
     of its own, and for a state whose next sample is past.
