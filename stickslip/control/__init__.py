@@ -4,6 +4,8 @@
 """
 
 from ._additions import DisturbanceObserver as DisturbanceObserver
+from ._additions import Extrapolated as Extrapolated
+from ._additions import FirstOrderHold as FirstOrderHold
 from ._additions import FrictionFeedforward as FrictionFeedforward
 from ._additions import Observed as Observed
 from ._cascade import Cascade as Cascade
@@ -18,4 +20,5 @@ from ._reset import ResetPID as ResetPID
 from ._shaper import ZeroVibration as ZeroVibration
 from ._with_controller import Commanded as Commanded
 from ._with_controller import Controlled as Controlled
+from ._with_controller import Ramp as Ramp
 from ._with_controller import WithController as WithController

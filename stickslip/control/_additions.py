@@ -1,4 +1,4 @@
-"""Additions to the output of a controller: friction to come, and disturbances as observed."""
+"""Additions to a controller: friction to come, disturbances as observed, a hold of first order."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -10,6 +10,7 @@ from .._argument_checks import parameters
 from .._types import Given, Numeric, Whole
 from ._pid import as_reference
 from ._trees import UPDATE, as_tree
+from ._with_controller import Ramp
 
 
 class FrictionFeedforward(eqx.Module):
@@ -89,3 +90,45 @@ class DisturbanceObserver(eqx.Module):
         output = output - seen
         observer = state.observer - self.period * self.bandwidth * (output + seen)
         return output, Observed(inner, observer, output)
+
+
+class Extrapolated(NamedTuple):
+    """State of a `FirstOrderHold`: that of the controller, and its last output."""
+
+    controller: Any
+    output: Any
+
+
+class FirstOrderHold(eqx.Module):
+    r"""A controller whose output goes on along the line through its last two.
+
+    $$u(t) = u_k + \frac{t - t_k}{T_s}(u_k - u_{k-1})$$
+
+    from where $u_k$ acts until the next one does; before the first one $u$ is zero.
+
+    - `controller`: a `PID` or the like, of one number; a limit is that of $u_k$. `period` $T_s$ [s].
+
+    `state()`: before the first sample; with that of the controller.
+
+    ??? cite "Reference"
+
+        G. F. Franklin, J. D. Powell and M. Workman, *Digital Control of Dynamic Systems*, 1998.
+    """
+
+    controller: Callable
+    period: Float[Array, "..."]
+
+    @parameters(period="positive")
+    def __init__(self, controller: Callable, *, period: Numeric):
+        self.controller = as_tree("controller", controller, UPDATE, *range(5))
+
+    def state(self) -> Extrapolated:
+        """The state before the first sample."""
+        return Extrapolated(self.controller.state(), 0.0)
+
+    def __call__(
+        self, k: Whole, t: Numeric, measured: PyTree, state: Extrapolated, args: PyTree
+    ) -> tuple:
+        """Output and state at sample `k`."""
+        output, inner = self.controller(k, t, measured, state.controller, args)
+        return Ramp(output, (output - state.output) / self.period), Extrapolated(inner, output)

@@ -1,47 +1,43 @@
 """A position loop around a velocity loop."""
 
-from collections.abc import Callable
+import equinox as eqx
+from jaxtyping import Array, Float, PyTree
 
-from jaxtyping import Array, Float
+from .._argument_checks import check_arguments, instance, number
+from .._types import Given, Numeric, Whole
+from .._validation import as_parameter
+from ._pid import PID, Integral, answer
 
-from .._argument_checks import number, parameters
-from .._types import Given, Numeric
-from ._pid import AbstractIntegrating, Winding, as_reference, winding
 
-
-class Cascade(AbstractIntegrating):
+class Cascade(eqx.Module):
     r"""A proportional position loop around a velocity loop with integral action, of one sample time.
 
-    $$w = \dot r + k_x (r - x), \qquad I \leftarrow I + k_i T_s (w - v), \qquad u = k_v (w - v) + I$$
+    $$w = \dot r + k_x (r - x), \qquad I \leftarrow I + K_i T_s (w - v), \qquad u = K_p (w - v) + I$$
 
-    of the measured pair $(x, v)$; limit and winding up as of a `PID`.
-
-    - `k_position` [1/s], `k_velocity`, `k_integral`: gains; the others as of a `PID`.
+    of the measured pair $(x, v)$; $K_d$ is not used. `k_position` $k_x$ [1/s]; `pid`: the velocity
+    loop, with the reference of the position.
 
     `state()`: the integral, 0. **Errors** `ValueError`, `TypeError` naming the argument.
     """
 
     k_position: Float[Array, "..."]
-    k_velocity: Float[Array, "..."]
-    k_integral: Float[Array, "..."]
-    winding: Winding
-    reference: Callable
+    pid: PID
 
-    @parameters(k_position=number(), k_velocity=number(), k_integral=number())
-    def __init__(
-        self,
-        k_position: Numeric,
-        k_velocity: Numeric,
-        k_integral: Numeric,
-        *,
-        period: Numeric,
-        reference: Given[Numeric | Callable] = 0.0,
-        limit: Given[Numeric | None] = None,
-        tracking_time: Given[Numeric | None] = None,
-    ):
-        self.winding = winding(period, limit, tracking_time)
-        self.reference = as_reference(reference)
+    @check_arguments(k_position=number(), pid=instance(PID, "a PID"))
+    def __init__(self, k_position: Numeric, pid: Given[PID]):
+        self.k_position, self.pid = as_parameter(k_position), pid
 
-    def _parts(self, error, velocity, v):
-        slow = velocity + self.k_position * error - v
-        return self.k_velocity * slow, self.k_integral * slow
+    @property
+    def period(self) -> Float[Array, "..."]:
+        """The sample time [s]."""
+        return self.pid.period
+
+    def state(self) -> Integral:
+        """The state before the first sample."""
+        return self.pid.state()
+
+    def __call__(self, k: Whole, t: Numeric, measured: PyTree, state: Integral, args: PyTree) -> tuple:
+        """Output and state at sample `k`."""
+        x, v = measured
+        position, velocity = self.pid.reference(t, args)
+        return answer(self.pid, velocity + self.k_position * (position - x) - v, 0.0, state)

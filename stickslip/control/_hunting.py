@@ -71,7 +71,7 @@ def hunting_map(
       controller does not change. As long as an integrator winds up, a block that sticks is not at rest.
     - `"hunts"`: it moves to and fro, at least half as far as in the quarter before.
     - `"creeps"`: neither; it still settles, or has not come back within a quarter.
-    - `"unstable"`: it moves more than twice as far as in the quarter before, or the run has failed.
+    - `"unstable"`: it moves more than twice as far as ever before, or the run has failed.
 
     **Arguments**
 
@@ -104,9 +104,12 @@ def hunting_map(
     above = Section(
         lambda system, t, y, dy, mode, args: place.read(y) - system.level, "rising", name="middle"
     )
-    # Of each of the two quarters; as many crossings find room.
+    # Of each of the two quarters, and few of what was before; as many crossings find room.
     samples = 256
-    parts = jnp.linspace(0.5, 1.0, 2 * samples + 1) * duration
+    late = jnp.linspace(0.5, 1.0, 2 * samples + 1) * duration
+    until = jnp.concatenate(
+        [jnp.linspace(0.0, 0.5, 64, endpoint=False) * duration, late[: samples + 1]]
+    )
 
     def one(point: Mapping[str, Any]) -> tuple:
         system = loop(**point)
@@ -115,30 +118,28 @@ def hunting_map(
             keeps = SaveAt(max_events=None, max_crossings=samples, **saved)
             return simulate(system, t0, t1, y, mode, integrator=integrator, saveat=keeps, throw=False)
 
-        def look(found):
-            x = jax.vmap(place.read)(found.outputs.y)
+        def look(found, rows=-samples - 1):
+            x = jax.vmap(place.read)(found.outputs.y)[rows:]
             u = jnp.stack([jnp.ravel(a) for a in jax.tree.leaves(found.outputs.y.output)])
             return jnp.max(x), jnp.min(x), jnp.all(jnp.ptp(u, axis=-1) == 0.0)
 
-        early = run(system, 0.0, parts[0], start(system), None)
-        middle = parts[samples]
-        third = run(system, parts[0], middle, early.y1, early.mode1, ts=parts[: samples + 1])
-        high, low, _ = look(third)
+        early = run(system, until[0], until[-1], start(system), None, ts=until)
+        most, least, _ = look(early, 0)
+        high, low, _ = look(early)
         level = _Levelled(system, 0.5 * (high + low))
-        fourth = run(
-            level, middle, parts[-1], third.y1, third.mode1, ts=parts[samples :],
-            sections=above,
-        )  # fmt: skip
-        top, bottom, still = look(fourth)
+        final = run(
+            level, until[-1], late[-1], early.y1, early.mode1, ts=late[samples:], sections=above
+        )
+        top, bottom, still = look(final)
         before, now = high - low, top - bottom
-        crossed, count = fourth.crossings[0], fourth.crossings[0].count
+        crossed, count = final.crossings[0], final.crossings[0].count
         last = crossed.t[jnp.clip(count - 1, 0, samples - 1)]
         period = (last - crossed.t[0]) / jnp.maximum(count - 1, 1).astype(jnp.float64)
-        fine = early.successful & third.successful & fourth.successful & jnp.isfinite(now)
+        fine = early.successful & final.successful & jnp.isfinite(now)
         hunts = (count >= 2) & (now > resolution) & (2.0 * now >= before)
         rests = (now <= resolution) & still
         code = jnp.where(rests, 0, jnp.where(hunts, 1, 2))
-        grown = (now > 2.0 * before) & (now > resolution)
+        grown = (now > 2.0 * (most - least)) & (now > resolution)
         code = jnp.where(fine & ~grown, code, 3)
         return code, 0.5 * now, jnp.where(code == 1, period, jnp.nan)
 

@@ -1,6 +1,5 @@
-"""PID control, and what integrators of controllers have in common."""
+"""PID control, with a limit and an integrator that does not wind up."""
 
-import abc
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -64,35 +63,7 @@ class Winding(eqx.Module):
         return jnp.clip(rest + wound, -self.limit, self.limit), wound
 
 
-class AbstractIntegrating(eqx.Module):
-    """A controller with an integrator, of a measured pair of position and velocity."""
-
-    winding: eqx.AbstractVar[Winding]
-    reference: eqx.AbstractVar[Callable]
-
-    @property
-    def period(self) -> Float[Array, "..."]:
-        """The sample time $T_s$ [s]."""
-        return self.winding.period
-
-    def state(self) -> Integral:
-        """The state before the first sample."""
-        return Integral(0.0)
-
-    @abc.abstractmethod
-    def _parts(self, error: Any, velocity: Any, v: Any) -> tuple[Any, Any]:
-        """Output without the integral, and growth of that per second."""
-
-    def __call__(self, k: Whole, t: Numeric, measured: PyTree, state: Integral, args: PyTree) -> tuple:
-        """Output and state at sample `k`."""
-        x, v = measured
-        position, velocity = self.reference(t, args)
-        rest, growth = self._parts(position - x, velocity, v)
-        output, integral = self.winding.output(rest, growth, state.integral)
-        return output, Integral(integral)
-
-
-class PID(AbstractIntegrating):
+class PID(eqx.Module):
     r"""Proportional, integral and derivative action, sampled, with a limit and without winding up.
 
     At every sample, with $e = r - x$ of the measured pair $(x, v)$:
@@ -131,17 +102,31 @@ class PID(AbstractIntegrating):
         limit: Given[Numeric | None] = None,
         tracking_time: Given[Numeric | None] = None,
     ):
-        self.winding = winding(period, limit, tracking_time)
+        optional = [
+            None if value is None else as_parameter(one_number(name, value, "positive"))
+            for name, value in (("limit", limit), ("tracking_time", tracking_time))
+        ]
+        self.winding = Winding(as_parameter(one_number("period", period, "positive")), *optional)
         self.reference = as_reference(reference)
 
-    def _parts(self, error, velocity, v):
-        return self.kp * error + self.kd * (velocity - v), self.ki * error
+    @property
+    def period(self) -> Float[Array, "..."]:
+        """The sample time $T_s$ [s]."""
+        return self.winding.period
+
+    def state(self) -> Integral:
+        """The state before the first sample."""
+        return Integral(0.0)
+
+    def __call__(self, k: Whole, t: Numeric, measured: PyTree, state: Integral, args: PyTree) -> tuple:
+        """Output and state at sample `k`."""
+        x, v = measured
+        position, velocity = self.reference(t, args)
+        return answer(self, position - x, velocity - v, state)
 
 
-def winding(period: Any, limit: Any, tracking_time: Any) -> Winding:
-    """A `Winding` of checked numbers."""
-    optional = [
-        None if value is None else as_parameter(one_number(name, value, "positive"))
-        for name, value in (("limit", limit), ("tracking_time", tracking_time))
-    ]
-    return Winding(as_parameter(one_number("period", period, "positive")), *optional)
+def answer(pid: PID, error: Any, rate: Any, state: Integral) -> tuple:
+    """Output and state of the controller behind an error, and its rate."""
+    rest = pid.kp * error + pid.kd * rate
+    output, integral = pid.winding.output(rest, pid.ki * error, state.integral)
+    return output, Integral(integral)

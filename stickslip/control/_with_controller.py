@@ -35,6 +35,13 @@ class Commanded(NamedTuple):
     args: PyTree
 
 
+class Ramp(NamedTuple):
+    """An output, or a part of one, that goes on from `value` at a `rate` per second."""
+
+    value: Any
+    rate: Any
+
+
 class Controlled(NamedTuple):
     """State `y` of the system, and what the controller holds between its samples.
 
@@ -51,6 +58,13 @@ class Controlled(NamedTuple):
     waits: Any = None
 
     held = ("state", "output", "queue", "clock", "waits")
+
+
+def _parts(output: PyTree, of_ramp: Callable, of_rest: Callable) -> PyTree:
+    def is_ramp(part):
+        return isinstance(part, Ramp)
+
+    return jax.tree.map(lambda a: (of_ramp if is_ramp(a) else of_rest)(a), output, is_leaf=is_ramp)
 
 
 def under_command(system: Any, output: PyTree, args: PyTree) -> tuple[Any, PyTree]:
@@ -106,7 +120,7 @@ class WithController(AbstractSystemWrapper):
       two samples at one instant the inner one is taken first.
     - `update`: a function, or an `equinox.Module` that is called, whose numbers then are parameters:
       gains have derivatives. Its `args` are those of the run. `output` and `state` are pytrees of
-      numbers, of the same form at every sample.
+      numbers, of the same form at every sample; a `Ramp` in an output goes on while it is held.
     - `period` $T_s$ [s], positive; `state`: that of the controller before its first sample.
     - `measure(t, y, args)`: by default the state of `system` as it is; see `encoder_reading`.
     - `delay` $d$: whole periods, an integer; `latency` $\tau$ [s]: from a sample to what it
@@ -118,9 +132,9 @@ class WithController(AbstractSystemWrapper):
     State `Controlled`; `start(y, t, args)` makes one. A sample at the start of a run belongs to it, and
     one at its end too. Derivatives go through all samples, by `period`, `latency` and `offset` too. By
     readings that are rounded they are zero, and by a static friction that the jump of an output
-    overcomes: the stick ends with the sample. Of a periodic orbit, forced with a period of $n T_s$,
-    take the guess from the end of a run, or between two samples. `max_steps` of an `Integrator` bounds
-    the attempts, two or more a sample.
+    overcomes: the stick ends with the sample. Periodic orbits are those forced with a period of
+    $n T_s$, from a guess between two samples, such as that of `orbit_guess`; sampled hunting does not
+    close in general. `max_steps` of an `Integrator` bounds the attempts, two or more a sample.
 
     **Errors** `TypeError`, `ValueError` naming the argument; also for an `update` with another `period`
     of its own, and for a state whose next sample is past.
@@ -197,7 +211,7 @@ class WithController(AbstractSystemWrapper):
         return self.offset + number * self.period
 
     def _under(self, output: PyTree, args: PyTree) -> tuple[Any, PyTree]:
-        return self.drive(self.system, output, args)
+        return self.drive(self.system, _parts(output, lambda a: a.value, lambda a: a), args)
 
     def inner(self, y, args):
         return y.y, self._under(y.output, args)[1]
@@ -205,7 +219,10 @@ class WithController(AbstractSystemWrapper):
     def vector_field(self, t, y, mode, args):
         system, given = self._under(y.output, args)
         still = jax.tree.map(jnp.zeros_like, y)
-        return still._replace(y=system.vector_field(t, y.y, mode, given), clock=-jnp.ones_like(y.clock))
+        return still._replace(
+            y=system.vector_field(t, y.y, mode, given), clock=-jnp.ones_like(y.clock),
+            output=_parts(y.output, lambda a: Ramp(a.rate, jnp.zeros_like(a.rate)), jnp.zeros_like),
+        )  # fmt: skip
 
     def guards(self, t, y, mode, args):
         system, given = self._under(y.output, args)

@@ -146,10 +146,25 @@ def _core_jvp(primals, tangents, *, fixed, plan, capacities):
     # The form of the tangents is that of the results; to find it otherwise means tracing all again.
     like = _struct(out[0])
     known = Known(tuple(log.t for log in out[0].logs.crossings), out[1].crossings, out[1].sequence)
+    t_inputs = _alongside(t_inputs, (inputs, fixed, known, plan))
     t_smooth = eqxi.filter_primitive_bind(
         _tangent_p, t_inputs, inputs, fixed, known, plan, capacities, like
     )
     return out, (t_smooth, jax.tree.map(lambda _: None, out[1]))
+
+
+def _alongside(tangents, others):
+    """The tangents, with lanes where any of the others has them.
+
+    The transpose is one lane's, and its cotangents have lanes where the tangents do: those of a
+    parameter that all lanes share are summed behind it.
+    """
+    one = jnp.ones(())
+    for leaf in jax.tree.leaves(eqx.filter(others, eqx.is_array)):
+        if leaf.size:
+            same = jnp.ravel(leaf)[0] == jnp.ravel(leaf)[0]
+            one = jnp.where(same, one, one)
+    return jax.tree.map(lambda t: t * one.astype(t.dtype), tangents)
 
 
 def _tangent(t_inputs, inputs, fixed, known, plan, capacities, like) -> Smooth:

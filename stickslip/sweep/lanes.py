@@ -13,7 +13,7 @@ import numpy as np
 from jax.sharding import Mesh, PartitionSpec
 from jaxtyping import PyTree
 
-from .._code import code_key
+from .._code import code_and_traced, code_key
 from .._validation import (
     check_callable,
     check_count,
@@ -119,7 +119,7 @@ class map_lanes:
         inputs = jax.tree.map(jnp.asarray, inputs)
         # No more threads than lanes.
         parts = len(self.devices) if len(self.devices) > 1 else min(self.threads, n)
-        if not is_concrete(inputs):
+        if not is_concrete(inputs) or code_and_traced(self.function)[1]:
             out = self._chunks(PORTABLE)(self._pad(inputs, n, self._chunk(n, parts)))
             return jax.tree.map(lambda a: _lanes(a)[:n], out)
         # A call of few lanes that is compiled is shorter than a meter takes to begin.

@@ -27,9 +27,7 @@ OFTEN = {
 }
 TARGETS = [
     Target(control.PID, {"kp": GAIN, "ki": GAIN, "kd": GAIN, **OFTEN}),
-    Target(
-        control.Cascade, {"k_position": GAIN, "k_velocity": GAIN, "k_integral": GAIN, **OFTEN}
-    ),
+    Target(control.Cascade, {"k_position": GAIN, "pid": arg(PID)}),
     Target(control.ResetPID, {"pid": arg(PID), "factor": GAIN}),
     Target(
         control.FrictionFeedforward,
@@ -45,6 +43,7 @@ TARGETS = [
             "period": arg(0.1, *POSITIVE),
         },
     ),
+    Target(control.FirstOrderHold, {"controller": UPDATE, "period": arg(0.1, *POSITIVE)}),
     Target(
         control.ZeroVibration,
         {

@@ -14,6 +14,7 @@ SLOW = {
     "block_on_belt",
     "bristles",
     "corexy",
+    "hunting",
     "identification",
     "jointed_beam",
     "own_corexy",

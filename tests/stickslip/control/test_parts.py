@@ -68,7 +68,10 @@ def test_without_anti_windup_a_limit_would_overshoot():
 
 
 def test_cascade():
-    cascade = Cascade(3.0, 2.0, 40.0, period=T, reference=lambda t, args: (jnp.sin(t), jnp.cos(t)))
+    def reference(t, args):
+        return jnp.sin(t), jnp.cos(t)
+
+    cascade = Cascade(3.0, PID(2.0, 40.0, 7.0, period=T, reference=reference))
     total, expected = 0.0, []
     for k, (x, v) in enumerate(READINGS):
         slow = np.cos(k * T) + 3.0 * (np.sin(k * T) - x) - v

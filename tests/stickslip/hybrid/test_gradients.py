@@ -287,3 +287,31 @@ def test_changed_mode_sequence_is_seen_by_the_hash():
     ends = [end_of_stick_slip((v, 1.0, 0.5), 16.0) for v in (0.2, 0.2001, 0.3)]
     assert ss.same_mode_sequence(ends[0], ends[1])
     assert not ss.same_mode_sequence(ends[0], ends[2])
+
+
+@pytest.mark.parametrize(
+    "of", ["speeds", *(pytest.param(of, marks=pytest.mark.more) for of in ("ends", "outputs"))]
+)
+def test_a_parameter_that_lanes_share_has_the_sum_of_their_slopes(of):
+    """In reverse and forward; lanes differ in a parameter, the end time, or the time of an output."""
+    rows = jnp.array([10.0, 12.0, 30.0]) if of != "speeds" else jnp.array([0.2, 0.25, 0.4])
+
+    def x(p, row):
+        if of == "speeds":
+            return end_of_stick_slip(p.at[0].set(row)).y1.x
+        if of == "ends":
+            return end_of_stick_slip(p, row).y1.x
+        saved = ss.SaveAt(ts=row[None], max_events=None)
+        run = ss.simulate(StickSlip(*p), 0.0, 30.0, State(0.0, p[0]), 0, integrator=fixed(0.25),
+                          saveat=saved, throw=False)  # fmt: skip
+        return run.outputs.y.x[0]
+
+    def total(p):
+        return jnp.sum(jax.vmap(lambda row: x(p, row))(rows))
+
+    p = jnp.array([0.2, 1.0, 0.5])
+    alone = jax.jit(jax.grad(x))
+    expected = sum(alone(p, row) for row in rows)
+    assert float(jnp.max(jnp.abs(expected))) > 1.0
+    np.testing.assert_allclose(jax.jit(jax.grad(total))(p), expected, rtol=1e-9)
+    np.testing.assert_allclose(jax.jit(jax.jacfwd(total))(p), expected, rtol=1e-9)

@@ -53,6 +53,15 @@ def test_numbers_that_fill_the_same_chunks_share_a_program():
     assert len(mapped._compiled) == 1
 
 
+@pytest.mark.parametrize("outer", [jax.jit, lambda f: f], ids=["jit", "plain"])
+def test_derivatives_by_a_number_that_the_function_closes_over(outer):
+    def total(a):
+        return ss.map_lanes(lambda x: a * x**2, workers=2)(jnp.arange(5.0)).sum()
+
+    assert float(outer(total)(3.0)) == 90.0
+    assert float(outer(jax.grad(total))(3.0)) == 30.0
+
+
 def test_inside_a_transformation():
     mapped = ss.map_lanes(lane, executor="portable", chunk_size=4)
     keys, x = inputs(11)
