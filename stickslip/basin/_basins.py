@@ -10,7 +10,7 @@ from jaxtyping import PyTree
 
 from .._show import number
 from .._types import Given
-from .._validation import as_float64, check_count, check_mapping, check_type, refusal
+from .._validation import as_float64, check_count, check_handed_on, check_mapping, check_type, refusal
 from ..hybrid import AbstractHybridSystem, Integrator
 from ..hybrid.arguments import check_field, start_of, the_system
 from ..hybrid.components import component_list, components_of, numbers_of, period_of, place_of, unit_of
@@ -179,6 +179,7 @@ def basins(
 
 def check_start(system: Any, y0: PyTree, box: Any, settle: Settle, args: PyTree) -> tuple[Any, dict]:
     """The state in float64 and the box; raises for names that the state has not."""
+    check_handed_on("args", args)
     plain, given = with_float_arrays((the_system(system), args))
     y0, mode = start_of(plain, 0.0, y0, None, given)
     check_field(plain, 0.0, y0, mode, given)

@@ -8,7 +8,7 @@ from jaxtyping import PyTree
 from scipy.spatial import KDTree
 
 from .._types import Given
-from .._validation import check_in, check_type, one_concrete, refusal
+from .._validation import check_handed_on, check_in, check_type, one_concrete, refusal
 from ..continuation import Equilibrium, PeriodicOrbit
 from ..hybrid import AbstractHybridSystem, Integrator, SaveAt, simulate
 from ..hybrid.components import numbers_of
@@ -147,6 +147,7 @@ def share_inside(
     if not isinstance(box, Mapping) or len(box) != 2 or not set(box) <= set(names):
         raise refusal("box", box, f"a mapping from two of {', '.join(names)} to pairs of numbers")
     check_limits("box", box)
+    check_handed_on("args", args)
     t0, period = one_concrete("orbit.t0", float(orbit.t0)), float(orbit.period) / int(orbit.repeats)
     ts = t0 + period * np.linspace(0.0, 1.0, ACCURACY.corners, endpoint=False)
     run = simulate(

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import PyTree
 
 from .._types import Given, Row
-from .._validation import check_type, one_row
+from .._validation import check_text, check_type, one_row
 from ..analysis.observable import check_parameter, with_parameters
 from ..hybrid import AbstractHybridSystem, Integrator
 from ._attractor import Attractor
@@ -60,7 +60,7 @@ def basins_over(
     **Returns** a `BasinsOver`. **Errors** as of `basins`.
     """
     check_type("system", system, AbstractHybridSystem, "an AbstractHybridSystem")
-    check_parameter(system, parameter, "parameter")
+    check_parameter(system, check_text("parameter", parameter), "parameter")
     values = np.asarray(one_row("values", values), float)
     maps: list[Basins] = []
     seen: dict[str, Attractor] = {}  # the last one of each name, also of those that have ended

@@ -24,7 +24,9 @@ class Settle(eqx.Module):
 
     duration: float
     forcing_period: Given[float | None] = None
-    limits: Mapping[str, tuple[float, float]] = eqx.field(default_factory=dict)
+    limits: Mapping[str, tuple[float, float]] = eqx.field(
+        converter=lambda given: check_mapping("limits", given), default_factory=dict
+    )
 
     def __check_init__(self):
         one_concrete("duration", self.duration, "positive")
@@ -33,7 +35,7 @@ class Settle(eqx.Module):
             if self.forcing_period > self.duration:
                 allowed = f"at most the duration, {self.duration} s"
                 raise refusal("forcing_period", self.forcing_period, allowed)
-        check_limits("limits", check_mapping("limits", self.limits))
+        check_limits("limits", self.limits)
 
     @property
     def times(self) -> np.ndarray:

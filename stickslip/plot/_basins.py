@@ -42,7 +42,7 @@ def basins(
     check_type("system", system, AbstractHybridSystem, "an AbstractHybridSystem")
     known = tuple(found.box)
     names = known[:2] if axes is None else axes
-    if not isinstance(names, tuple | list) or len(names) != 2 or not set(names) <= set(known):
+    if not isinstance(names, tuple | list) or len(names) != 2 or any(n not in known for n in names):
         raise refusal("axes", axes, f"two of {', '.join(known)}")
     axis, options = _axes.begin(ax, options, marker="s", linestyle="none", markersize=2.0)
     columns = components_of(found.starts)

@@ -31,7 +31,7 @@ def hunting(
     check_type("found", found, HuntingMap, "a HuntingMap of stickslip.control")
     known = tuple(found.values)
     names = known[:2] if axes is None else axes
-    if not isinstance(names, tuple | list) or len(names) != 2 or not set(names) <= set(known):
+    if not isinstance(names, tuple | list) or len(names) != 2 or any(n not in known for n in names):
         raise refusal("axes", axes, f"two of {', '.join(known)}")
     axis, options = _axes.begin(ax, options, marker="s", s=12.0)
     x, y = (np.ravel(found.values[name]) for name in names)

@@ -95,6 +95,7 @@ BEHIND = (
     (_continue, "begin"),
     (_hunting, "map_lanes"),
     (_judged.Judged, "follow"),
+    (_border, "Judged"),
     (_border, "simulate"),
     (evaluate.Evaluate, "program"),
     (_compilation_cache, "_here"),

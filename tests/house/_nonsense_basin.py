@@ -1,5 +1,7 @@
 """Right arguments of maps of basins."""
 
+import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 
 from stickslip import basin, plot
@@ -16,13 +18,14 @@ FOUND = basin.Basins(
     np.ones((2, 2)), np.full((2, 2), ""),
 )  # fmt: skip
 OVER = basin.BasinsOver("stiffness", np.array([1.0, 2.0]), (FOUND, FOUND))
+CYCLE = eqx.tree_at(lambda orbit: orbit.repeats, ORBIT, jnp.ones((), jnp.int32))
 POINTS = arg((2, 2))
 TARGETS = [
     Target(
         basin.Settle,
         {
             "duration": arg(1.0, "positive", "float32"), "forcing_period": arg(None, "none", "float32"),
-            "limits": arg({}, "mapping"),
+            "limits": arg({}, "mapping", "none"),
         },
     ),
     Target(
@@ -48,7 +51,7 @@ TARGETS = [
         },
     ),
     Target(
-        basin.share_inside, {"system": SYSTEM, "orbit": arg(ORBIT), "box": BOX, "args": ARGS}
+        basin.share_inside, {"system": SYSTEM, "orbit": arg(CYCLE), "box": BOX, "args": ARGS}
     ),
     Target(basin.Basins.to_dataset, {"system": SYSTEM}, FOUND.to_dataset),
     Target(

@@ -1,5 +1,7 @@
 """A sampled controller hunts with a period of whole samples, which the continuation finds."""
 
+from typing import ClassVar
+
 import jax
 import jax.numpy as jnp
 import pytest
@@ -16,8 +18,8 @@ SAMPLE = 0.05  # [s]
 class Axis(AbstractMechanism):
     """1 kg in a guide, moved by the output of its controller."""
 
-    coordinates = {"x": "m"}
-    contact_directions = {"guide": {"x": 1}}
+    coordinates: ClassVar = {"x": "m"}
+    contact_directions: ClassVar = {"guide": {"x": 1}}
 
     def mass_matrix(self, q):
         return {"x": 1.0}
