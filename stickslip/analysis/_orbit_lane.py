@@ -260,13 +260,13 @@ class _Verdict(NamedTuple):
 
 
 def _points_of(
-    plan: OrbitPlan, lane: _Lane, judged: _Judged, rows: Any, going: Any, ends: tuple[Any, Any]
+    plan: OrbitPlan, lane: _Lane, judged: _Judged, rows: Any, going: Any, fate: tuple[Any, Any]
 ) -> tuple[dict[str, Any], _Verdict]:
     """Points of a section with their number and period, and the verdict on them.
 
-    `ends`: whether the lane failed, and whether it comes to rest.
+    `fate`: whether the lane failed, and whether it comes to rest.
     """
-    failed, rests = ends
+    failed, rests = fate
     points = {name: lane.values(f, rows) for name, f in plan.observables.items()}
     count = jnp.where(going, rows.count, 0).astype(jnp.int32)
     seen = [
