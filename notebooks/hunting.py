@@ -39,7 +39,6 @@ from stickslip.mechanism import AbstractMechanism, Contact
 
 ss.enable_compilation_cache()  # what a run compiles, the next one reads from disk
 POINTS, STEPS, BETWEEN, LONG = 40, 60, 91, 24.0  # of the map, of the descent, of friction; [s]
-FIRST, BOTH = 50.0, True  # where a branch begins, and whether it goes both ways
 
 # %% tags=["remove-cell"]
 import os
@@ -47,7 +46,6 @@ import os
 QUICK = os.environ.get("NOTEBOOK_QUICK", "0") not in ("", "0")
 if QUICK:
     POINTS, STEPS, BETWEEN, LONG = 3, 30, 5, 12.0
-    FIRST, BOTH = 600.0, False
 
 
 # %%
@@ -239,13 +237,11 @@ class Continuous(AbstractMechanism):
         return {"guide": Contact(Coulomb(1.5, 1.0))}
 
 
-axis = Continuous(FIRST)
+axis = Continuous(50.0)
 settled = ss.simulate(axis, 0.0, 40.0, axis.state(x=0.1)).y1
-cycle = periodic_orbit(axis, OrbitGuess(settled, 970.0 / FIRST, t0=0.0))
+cycle = periodic_orbit(axis, OrbitGuess(settled, 19.4, t0=0.0))
 print(cycle)
-branch = continue_orbit(
-    axis, cycle, "ki", (10.0, 700.0), follow=Follow(step=0.2, both=BOTH, max_points=60)
-)
+branch = continue_orbit(axis, cycle, "ki", (10.0, 700.0), follow=Follow(step=0.2, max_points=60))
 print(branch)
 
 # %% tags=["remove-cell"]

@@ -47,6 +47,7 @@ def test_a_mechanism_of_ones_own_takes_25_lines():
 
 
 @pytest.mark.more
+@pytest.mark.usefixtures("standard_dtype_promotion")  # as in a reader's session: some call optax
 @pytest.mark.parametrize(
     "path", [pytest.param(path, id=path.stem, marks=marks(path)) for path in NOTEBOOKS]
 )
