@@ -58,9 +58,6 @@ class Accuracy:
     strays: float = 2.0
     """Steps that an orbit may be from where it was expected. Also the factor from one part of a motion
     or of a branch to the next."""
-    states: float = 5.0
-    """Steps of each state of a response, in parts of those of its frequency: a motion may change by a
-    tenth where a narrow resonance, a few hundredths of the range, must not be stepped over."""
     swerves: float = 0.1
     """Of a step, that it may be, besides what the branch bends; what a law may be off by; part of its
     mean speed at which an angle shows the place on an orbit."""

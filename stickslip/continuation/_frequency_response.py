@@ -308,7 +308,9 @@ def frequency_response(
     period = 2.0 * np.pi / float(first.frequency)
     guess = OrbitGuess(first.y0, period, int(first.mode0), float(first.t0))
     name, bounds = forcing.frequency, (float(row[0]), float(row[-1]))
-    span, reach = bounds[1] - bounds[0], ACCURACY.states * np.sqrt(ravel_pytree(first.y0)[0].size)
+    # A motion may change by a tenth where a narrow resonance must not be stepped over.
+    reach = ACCURACY.swerves / WIDE.step * np.sqrt(ravel_pytree(first.y0)[0].size)
+    span = bounds[1] - bounds[0]
     problem = problem_of(
         system, {name: row[0]}, [span / reach], guess, forcing.rule, args=args, shooting=shooting
     )

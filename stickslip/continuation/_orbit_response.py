@@ -23,7 +23,7 @@ def response_of(
     system: Any, args: Any, integrator: Any, execute: Any, orbit: PeriodicOrbit, *, forcing: Forcing,
     observables: Named, max_events: int,
 ) -> ForcedResponse:  # fmt: skip
-    """What `forced_response` tells of an orbit with the period of the forcing.
+    """All that `forced_response` tells of an orbit with the period of the forcing.
 
     The orbit closes to the tolerance of the branch. One step of Newton's method more, with the
     monodromy matrix that it has, squares what is left.
