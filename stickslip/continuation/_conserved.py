@@ -17,6 +17,7 @@ def with_quantities_of(problem: Problem, last: Point, found: Point | Failure) ->
     if isinstance(found, Failure) or problem.forcing_period is None or np.any(found.closing.neutral):
         return found
     count = np.asarray(found.anchor.size).size
+    assert found.closing.pieces is not None
     monodromy = np.eye(count)
     for piece in found.closing.pieces:
         monodromy = piece @ monodromy

@@ -248,6 +248,7 @@ def _in_sizes_of(point: Point, anchor: Anchor) -> Point:
     states = np.tile(ratio, point.closing.ends.shape[0])
     whole = np.append(states, np.ones(point.u.size - states.size))
     jacobian = point.jacobian * states[:, None] / whole[None, :]
+    assert point.closing.pieces is not None
     closing = point.closing._replace(
         residual=point.closing.residual * states,
         pieces=point.closing.pieces * ratio[:, None] / ratio[None, :],

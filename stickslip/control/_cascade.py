@@ -7,6 +7,7 @@ from .._argument_checks import check_arguments, instance, number
 from .._types import Given, Numeric, Whole
 from .._validation import as_parameter
 from ._pid import PID, Integral, answer
+from ._trees import pair_of
 
 
 class Cascade(eqx.Module):
@@ -38,6 +39,6 @@ class Cascade(eqx.Module):
 
     def __call__(self, k: Whole, t: Numeric, measured: PyTree, state: Integral, args: PyTree) -> tuple:
         """Output and state at sample `k`."""
-        x, v = measured
+        x, v = pair_of(measured)
         position, velocity = self.pid.reference(t, args)
         return answer(self.pid, velocity + self.k_position * (position - x) - v, 0.0, state)

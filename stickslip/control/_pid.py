@@ -10,7 +10,7 @@ from jaxtyping import Array, Float, PyTree
 from .._argument_checks import number, parameters
 from .._types import Given, Numeric, Whole
 from .._validation import as_parameter, one_number
-from ._trees import as_tree
+from ._trees import as_tree, pair_of
 
 
 class Integral(NamedTuple):
@@ -120,7 +120,7 @@ class PID(eqx.Module):
 
     def __call__(self, k: Whole, t: Numeric, measured: PyTree, state: Integral, args: PyTree) -> tuple:
         """Output and state at sample `k`."""
-        x, v = measured
+        x, v = pair_of(measured)
         position, velocity = self.reference(t, args)
         return answer(self, position - x, velocity - v, state)
 

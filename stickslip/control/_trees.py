@@ -6,7 +6,7 @@ from typing import Any
 import equinox as eqx
 from jax.tree_util import Partial
 
-from .._validation import check_callable
+from .._validation import check_callable, refusal
 
 UPDATE = "update(k, t, measured, state, args)"
 
@@ -16,3 +16,11 @@ def as_tree(name: str, function: Any, call: str, *arguments: Any) -> Callable:
     function = check_callable(name, function, call, *arguments)
     tree: Any = function if isinstance(function, eqx.Module) else Partial(function)
     return tree
+
+
+def pair_of(measured: Any) -> tuple:
+    """Place and speed, as measured; raises `TypeError` for anything but a pair."""
+    if not isinstance(measured, tuple | list) or len(measured) != 2:
+        allowed = "a pair, (x, v): give `measure` of the loop, such as lambda t, y, args: (y.x, y.v_x)"
+        raise refusal("measured", measured, allowed, TypeError)
+    return tuple(measured)

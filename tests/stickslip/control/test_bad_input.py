@@ -49,6 +49,12 @@ def test_updates_that_return_something_else(update, words):
     assert all(word in str(found.value) for word in words), found.value
 
 
+def test_a_reading_that_is_no_pair_of_place_and_speed():
+    loop = WithController(Axis(), PID_100, 0.01, PID_100.state(), measure=lambda t, y, args: y.x)
+    with pytest.raises(TypeError, match=r"measured = .*a pair, \(x, v\): give `measure`"):
+        begin(loop)
+
+
 def test_states_that_are_none_of_the_loop():
     loop = under_pid()
     with pytest.raises(TypeError, match=r"y0 = .* a Controlled, as `start` makes it"):
