@@ -138,8 +138,8 @@ def basins(
     >>> box = {"x": (-2.0, 2.0), "v_x": (0.0, 2.0)}
     >>> basins(system, system.state(), box, Settle(300.0), points=(16, 16))
     Basins: 256 starts
-      fixed point 1: 0.3125 +- 0.03
-      orbit 1, 6.31631 s, 2 events: 0.6875 +- 0.03
+      fixed point 1: 0.304688 +- 0.03
+      orbit 1, 6.31631 s, 2 events: 0.695312 +- 0.03
 
     **Arguments**
 

@@ -341,11 +341,13 @@ def test_phase_resonance_of_a_jenkins_oscillator():
 
 @pytest.mark.slow
 def test_a_second_curve_compiles_nothing(jenkins, compiled):
-    compiled.clear()
-    found = frequency_response(
-        Jenkins(1.0, limit=0.07), REST, (0.7, 1.9), PUSH, observables=("x", "slider_force")
-    )
-    repr(found), found.peak(), found.stable, found.responses.phase
+    """The first one along which an orbit has to begin elsewhere has a program of its own for that."""
+    for limit in (0.07, 0.071):
+        compiled.clear()
+        found = frequency_response(
+            Jenkins(1.0, limit=limit), REST, (0.7, 1.9), PUSH, observables=("x", "slider_force")
+        )
+        repr(found), found.peak(), found.stable, found.responses.phase
     assert compiled == []
 
 
