@@ -119,7 +119,6 @@ def basins(
     is so near, and in the same mode. None is judged by the time alone: one that is on its way, or on a
     motion that is neither (quasi-periodic, chaotic, unstable), is "not settled".
 
-    >>> import equinox as eqx
     >>> import stickslip as ss
     >>> from stickslip.basin import Settle, basins
     >>> from stickslip.friction import Stribeck
