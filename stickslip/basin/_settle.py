@@ -1,6 +1,7 @@
 """How long motions are followed, and how far."""
 
 from collections.abc import Mapping
+from typing import Any
 
 import equinox as eqx
 import numpy as np
@@ -8,6 +9,10 @@ import numpy as np
 from .._types import Given
 from .._validation import check_mapping, one_concrete, refusal
 from ._accuracy import ACCURACY
+
+
+def _pairs(given: Given[Mapping[str, tuple[float, float]]]) -> dict[str, Any]:
+    return check_mapping("limits", given)
 
 
 class Settle(eqx.Module):
@@ -24,9 +29,7 @@ class Settle(eqx.Module):
 
     duration: float
     forcing_period: Given[float | None] = None
-    limits: Mapping[str, tuple[float, float]] = eqx.field(
-        converter=lambda given: check_mapping("limits", given), default_factory=dict
-    )
+    limits: Mapping[str, tuple[float, float]] = eqx.field(converter=_pairs, default_factory=dict)
 
     def __check_init__(self):
         one_concrete("duration", self.duration, "positive")

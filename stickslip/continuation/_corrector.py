@@ -1,6 +1,6 @@
 """Newton's method for one orbit, with derivatives that are renewed only where they must be."""
 
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import jax
 import jax.numpy as jnp
@@ -32,6 +32,7 @@ class Solved(NamedTuple):
     evaluations: float
 
 
+@runtime_checkable  # as types are checked at call time
 class Near(Protocol):
     """An orbit nearby of the same anchor, with its equations."""
 
