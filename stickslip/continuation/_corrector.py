@@ -29,7 +29,7 @@ class Solved(NamedTuple):
     residual: np.ndarray
     jacobian: np.ndarray
     closing: Closure
-    evaluations: float
+    evaluations: int | float
 
 
 @runtime_checkable  # as types are checked at call time

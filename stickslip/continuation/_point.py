@@ -30,7 +30,7 @@ class Point:
     tangent: np.ndarray
     jacobian: np.ndarray
     orbit: PeriodicOrbit
-    evaluations: float
+    evaluations: int | float
     values: np.ndarray
     closing: Closure
 
