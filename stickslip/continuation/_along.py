@@ -16,14 +16,12 @@ from ..hybrid import AbstractHybridSystem, Integrator, SaveAt, jit_plainly, simu
 from ..hybrid.longest_step import spanning
 from ..hybrid.system import mode_type
 from ._closing import (
-    Closure,
     Frame,
     Motion,
     closure,
     equations,
     extent,
     plane_across,
-    residual_at_place,
     states_and_period,
     unknowns,
 )
@@ -165,28 +163,18 @@ def _anchor_at(
 @jit_plainly
 def equations_at(problem: Problem, u: Any, modes: Any, anchor: Anchor):
     """Residual, its derivative by all unknowns, the parameters last, and what the pieces were."""
-
-    def found_from(u):
-        return _closure_at(problem, u, modes, anchor)
-
-    return equations(found_from, u, _frame_of(problem, anchor)[1], problem.segments)
-
-
-@jit_plainly
-def residual_at(problem: Problem, u: Any, modes: Any, anchor: Anchor, neutral: Any):
-    """Residual alone, and what the pieces were; `neutral` is that of an orbit nearby."""
-    found = _closure_at(problem, u, modes, anchor)
-    return residual_at_place(found, u, _frame_of(problem, anchor)[1], neutral), found
-
-
-def _closure_at(problem: Problem, u: Any, modes: Any, anchor: Anchor) -> Closure:
     _, unravel = ravel_pytree(anchor.y)
     free = len(problem.names)
-    there = system_at(problem, u[-free:] * problem.unit)
-    motion, frame = _frame_of(dataclasses.replace(problem, system=there), anchor)
-    integrator = spanning(motion.integrator, jax.lax.stop_gradient(frame.period))
-    with use_executor(problem.executor):
-        return closure(u[:-free], modes, motion._replace(integrator=integrator), frame, unravel)
+
+    def found_from(u):
+        there = system_at(problem, u[-free:] * problem.unit)
+        motion, frame = _frame_of(dataclasses.replace(problem, system=there), anchor)
+        span = jax.lax.stop_gradient(frame.period)
+        integrator = spanning(motion.integrator, span)
+        with use_executor(problem.executor):
+            return closure(u[:-free], modes, motion._replace(integrator=integrator), frame, unravel)
+
+    return equations(found_from, u, _frame_of(problem, anchor)[1], problem.segments)
 
 
 def events_along(problem: Problem, u: Any, modes: Any, anchor: Anchor):

@@ -242,7 +242,7 @@ def extent(
     largest = jnp.maximum(jnp.abs(high), jnp.abs(low))
     span = high - low
     goes = span > ACCURACY.short * largest
-    rests = jnp.where(largest > 0, largest, spans_alike(motion.system, y, jnp.where(goes, span, 0.0)))
+    rests = jnp.where(largest > 0, largest, _alike(motion.system, y, jnp.where(goes, span, 0.0)))
     moves = jnp.where(goes, span, rests)
     each = parts // segments
     knots, found = flat[::each], outputs.mode[::each]
@@ -261,7 +261,7 @@ def extent(
     return Extent(moves, least, turns, shifts, knots, modes)
 
 
-def spans_alike(system: AbstractHybridSystem, y: PyTree, spans: Array) -> Array:
+def _alike(system: AbstractHybridSystem, y: PyTree, spans: Array) -> Array:
     """For each component the largest span of those with its unit; 1 where none of them moves."""
     named = components_of(y).items()
     units = [system.units.get(name) for name, leaf in named for _ in range(np.size(leaf))]

@@ -29,8 +29,8 @@ from ._orbit import PeriodicOrbit
 from ._orbits import CLOSED, Orbits
 from ._point import Point, ahead, begin, remeasure
 from ._switch import crossing, doubled_orbit, orbit_at_hopf, outward
-from ._walk import Half, join
 from ._walk import follow as follow_branch
+from ._walk import join
 
 PRIMES = tuple(n for n in range(7, 14) if math.gcd(n, ACCURACY.parts) == 1)
 CUT_OFF = ("max_points", "bounds", "homoclinic")  # ends beyond which a branch goes on
@@ -88,13 +88,11 @@ def continue_orbit(
     where it meets the orbit that it doubles, at its doubling. A special point that the search did not
     find is labelled with a question mark, `LP?`, and between which orbits it lies.
 
-    The loop is Python and runs outside `jit`; it compiles four programs for the first branch of a
-    system and none for later ones. Newton's method has the derivative of the point before as long as
-    each step brings a digit (Broyden 1965), and each point that is kept has its own.
-    Of a `GR` point `words` name the sliding bifurcation. It is the last orbit of the sequence that
-    the branch came with, or of the other where this has fewer impacts. Where that orbit has a stick
-    which vanishes, it is lost in rounding before it has no length: such points are known to some 1e-8
-    of the bounds' distance, others to 1e-9 or better.
+    The loop is Python and runs outside `jit`; it compiles three programs for the first branch of a
+    system and none for later ones. Of a `GR` point `words` name the sliding bifurcation.
+    It is the last orbit of the sequence that the branch came with, or of the other where this has
+    fewer impacts. Where that orbit has a stick which vanishes, it is lost in rounding before it has no
+    length: such points are known to some 1e-8 of the bounds' distance, others to 1e-9 or better.
 
     Places that are free are those of the first orbit all along (`PeriodicOrbit.neutral`).
 
@@ -111,17 +109,7 @@ def continue_orbit(
     problem = problem_of(
         system, {parameter: value}, [high - low], known, forcing_period, args=args, shooting=shooting
     )
-    family, half = orbits_along(problem, orbit, (special, known), value, (low, high), options)
-    return branch_of(family, half, system)
-
-
-def orbits_along(
-    problem: Problem, orbit: Any, start: tuple[BranchPoint | None, Any], value: float,
-    bounds: tuple[float, float], options: Follow,
-) -> tuple[Orbits, Half]:  # fmt: skip
-    """Points of a branch in order, with its events, and the family that they are of."""
-    special, known = start
-    problem, starts = _starts(problem, orbit, special, known, value, 0.5 * sum(bounds))
+    problem, starts = _starts(problem, orbit, special, known, value, 0.5 * (low + high))
     one, *others = starts
     if isinstance(one, Failure):
         one, *others = [p for p in others if isinstance(p, Point)] or [one]
@@ -134,12 +122,12 @@ def orbits_along(
         )
         raise refusal("orbit", orbit, allowed)
     family = Orbits(problem, options.tests, int(one.orbit.repeats))
-    half = follow_branch(family, one, (bounds,), options)
+    half = follow_branch(family, one, ((low, high),), options)
     if options.both and others and isinstance(others[0], Point) and half.events[-1].words != CLOSED:
-        back = follow_branch(family, others[0], (bounds,), options, first=False)
+        back = follow_branch(family, others[0], ((low, high),), options, first=False)
         # The other branch at a crossing begins beside it, on both sides.
         half = join(half, back, shared=special is None or special.label != "BP")
-    return family, half
+    return branch_of(family, half, system)
 
 
 def _starts(

@@ -2,7 +2,6 @@
 
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float, Int
 
@@ -26,20 +25,15 @@ def multipliers_of(matrix: Float[Array, "size size"], rank: Any) -> Complex[Arra
     size = matrix.shape[0]
     index = jnp.arange(size, dtype=jnp.int32)
     rank = jnp.minimum(jnp.asarray(rank, jnp.int32), size)
-    largest = jnp.linalg.norm(matrix, 2)
-
-    def body(carry):
-        matrix, rank, _ = carry
+    largest = None
+    for _ in range(size):
         # A direction that an event projects out leaves a singular value of rounding.
         left, strength, right = jnp.linalg.svd(matrix)
+        largest = strength[0] if largest is None else largest
         kept = (index < rank) & (strength > ACCURACY.rounding * largest)
+        rank = jnp.sum(kept, dtype=jnp.int32)
         small = (strength[:, None] * right) @ left
-        fewer = jnp.sum(kept, dtype=jnp.int32)
-        return jnp.where(kept[:, None] & kept[None, :], small, 0.0), fewer, rank
-
-    matrix, rank, _ = jax.lax.while_loop(
-        lambda carry: carry[1] != carry[2], body, (matrix, rank, jnp.full_like(rank, size + 1))
-    )
+        matrix = jnp.where(kept[:, None] & kept[None, :], small, 0.0)
     found = jnp.linalg.eigvals(matrix)
     # The eigenvalues come in no order; those of the empty rows are zero, or rounding.
     found = nonzero_first(found)

@@ -284,29 +284,22 @@ def _response(
         (run.mode1 != mode, "mode_differs"),
         (~(run.successful & (closes <= allowed)), "not_reproduced"),
     )
-    return told(
-        forcing, measured, ForcedResponse(
-            2.0 * jnp.pi / period, t0, state, mode, {}, {}, {}, {}, multipliers_of(growth, flat.size),
-            silent_directions(growth), found.norm, rests, run.num_events, run.sequence, run.flags,
-            result,
-        ),
-    )  # fmt: skip
-
-
-def told(forcing: Forcing, measured: Any, of: ForcedResponse) -> ForcedResponse:
-    """A response with what was measured of it, in the phase of the force."""
     force = measured.harmonics.get(FORCE)
     lead = jnp.zeros(()) if force is None else jnp.angle(force[0])
     back = -lead * jnp.arange(1.0, forcing.harmonics + 1.0)
     power = jax.lax.complex(jnp.cos(back), jnp.sin(back))
     measured = measured._replace(harmonics={k: v * power for k, v in measured.harmonics.items()})
     # A motion that is not periodic has no amplitude.
-    periodic = of.result == ORBITS.successful
-    tables = tuple(
+    periodic = result == ORBITS.successful
+    mean, lowest, highest, harmonics = (
         {name: jnp.where(periodic, value, jnp.nan) for name, value in values.items() if name != FORCE}
         for values in measured
     )
-    return eqx.tree_at(lambda r: (r.mean, r.lowest, r.highest, r.harmonics), of, tables)
+    return ForcedResponse(
+        2.0 * jnp.pi / period, t0, state, mode, mean, lowest, highest, harmonics,
+        multipliers_of(growth, flat.size), silent_directions(growth), found.norm,
+        rests, run.num_events, run.sequence, run.flags, result,
+    )  # fmt: skip
 
 
 response_program = jit_plainly(_response)

@@ -9,7 +9,6 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.flatten_util import ravel_pytree
 from jaxtyping import PyTree
 from numpy.polynomial import Chebyshev
 from scipy.optimize import minimize_scalar
@@ -23,18 +22,14 @@ from ..hybrid.arguments import the_system
 from ..hybrid.tree import with_float_arrays
 from ..progress import showing
 from ._accuracy import ACCURACY
-from ._along import Problem
-from ._arguments import concrete_guess, follow_of, problem_of
-from ._branch import Branch, BranchPoint, branch_of
-from ._continue import orbits_along
+from ._arguments import follow_of
+from ._branch import Branch, BranchPoint
+from ._continue import continue_orbit
 from ._forced_response import FORCE, ForcedResponse, response_program, start_and_observables
 from ._forcing import FORCING, Forcing, check_forcing
 from ._guess import OrbitGuess
 from ._options import SHOOTING, Follow, Shooting
 from ._orbit import PeriodicOrbit
-from ._orbit_response import response_of
-from ._point import Point, at_value
-from ._walk import Half
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -79,15 +74,6 @@ class Solver(eqx.Module):
         period = near.period if isinstance(near, PeriodicOrbit) else 2.0 * np.pi / near.frequency
         t0 = float(near.t0) / float(period) * float(self.forcing.rule(there))
         return self(value, near.y0, near.mode0, t0, -1)
-
-    def of(self, point: Point) -> ForcedResponse:
-        """The response that an orbit of a branch is."""
-        frequency = {self.forcing.frequency: jnp.asarray(point.value, jnp.float64)}
-        found = response_of(
-            with_parameters(self.system, frequency), self.args, self.integrator, current_executor(),
-            point.orbit, forcing=self.forcing, observables=self.observables, max_events=self.max_events,
-        )  # fmt: skip
-        return jax.tree.map(np.asarray, found)
 
     def nearest(self, value: float, near: Sequence[ForcedResponse | PeriodicOrbit]) -> ForcedResponse:
         """The response from the first of these that leads to one."""
@@ -278,9 +264,7 @@ def frequency_response(
       values, as many at each as the branch has there.
     - `forcing`: a `Forcing`: the parameter that is the frequency, the force, how many harmonics.
     - `observables`, `shooting`: as for `forced_response`.
-    - `follow`: a `Follow`, whose `step` is the longest one of the frequency, in parts of its range; of
-      each component of the motion, five times as much of its extent. A resonance much narrower than
-      the step may be passed by. `both` is of no account.
+    - `follow`: a `Follow` with the step along the branch; `both` is of no account.
 
     **Returns** a `FrequencyResponse`. Parts of the response that no branch joins with its beginning
     (isolas) are not found. Where the branch ends before the highest frequency its last `EP` says why.
@@ -307,18 +291,11 @@ def frequency_response(
     _check_first(first, row[0])
     period = 2.0 * np.pi / float(first.frequency)
     guess = OrbitGuess(first.y0, period, int(first.mode0), float(first.t0))
-    name, bounds = forcing.frequency, (float(row[0]), float(row[-1]))
-    # A motion may change by a tenth where a narrow resonance must not be stepped over.
-    reach = ACCURACY.swerves / WIDE.step * np.sqrt(ravel_pytree(first.y0)[0].size)
-    span = bounds[1] - bounds[0]
-    problem = problem_of(
-        system, {name: row[0]}, [span / reach], guess, forcing.rule, args=args, shooting=shooting
-    )
-    steps = dataclasses.replace(follow, step=follow.step * reach)
-    start = None, concrete_guess(system, guess, args)
-    family, half = orbits_along(problem, guess, start, bounds[0], bounds, steps)
-    branch = branch_of(family, half, system)
-    values, sequences, responses = _along(solver, family.problem, half, row)
+    branch = continue_orbit(
+        system, guess, forcing.frequency, (row[0], row[-1]), forcing_period=forcing.rule, follow=follow,
+        shooting=shooting, args=args,
+    )  # fmt: skip
+    values, sequences, responses = _along(solver, branch, row)
     stacked = jax.tree.map(lambda *leaves: np.stack(leaves), *responses)
     return FrequencyResponse(np.asarray(values), stacked, branch, tuple(sequences), solver)
 
@@ -333,21 +310,23 @@ def _check_first(first: ForcedResponse, value: float) -> None:
 
 
 def _along(
-    solver: Solver, problem: Problem, half: Half, row: np.ndarray
+    solver: Solver, branch: Branch, row: np.ndarray
 ) -> tuple[list[float], list[tuple], list[ForcedResponse]]:
     """Values, sequences of modes and responses along a branch: at its points, or at those of a row."""
-    points = list(half.points)
+
+    orbits = [jax.tree.map(lambda leaf, i=i: leaf[i], branch.orbits) for i in range(len(branch))]
+    values, sequences = [float(value) for value in branch.values], list(branch.sequences)
     if row.size == 2:
-        values = [point.value for point in points]
-        return values, [point.sequence for point in points], [solver.of(point) for point in points]
-    # Folds are ends of the pieces that are searched for values of the row.
-    for event in reversed(half.events):
-        if event.label == "LP":
-            points.insert(event.index + 1, event.point)
-    values = [point.value for point in points]
+        found = [solver.beside(*both) for both in zip(values, orbits, strict=True)]
+        return values, sequences, found
     for end, bound in ((0, row[0]), (-1, row[-1])):
         if abs(values[end] - bound) <= ACCURACY.known * (row[-1] - row[0]):
             values[end] = float(bound)
+    # Folds are ends of the pieces that are searched for values of the row.
+    for special in reversed(branch["LP"]):
+        for known, new in ((values, special.value), (orbits, special.orbit)):
+            known.insert(special.index + 1, new)
+        sequences.insert(special.index + 1, sequences[special.index])
     at: list[tuple[float, tuple, ForcedResponse]] = []
     for i in range(len(values) - 1):
         low, high = values[i], values[i + 1]
@@ -355,19 +334,8 @@ def _along(
         inside = [w for w in row if low <= w < high or high < w <= low or (last and w == high)]
         for w in sorted(inside, reverse=high < low):
             near, far = (i, i + 1) if abs(w - low) <= abs(w - high) else (i + 1, i)
-            at.append((float(w), *_between(solver, problem, w, points[near], points[far])))
+            found = solver.nearest(w, [orbits[near], orbits[far]])
+            # Between motions with different events it has those of either.
+            same = int(found.num_events) == int(orbits[near].events.count)
+            at.append((float(w), sequences[near if same else far], found))
     return [a[0] for a in at], [a[1] for a in at], [a[2] for a in at]
-
-
-def _between(
-    solver: Solver, problem: Problem, value: float, near: Point, far: Point
-) -> tuple[tuple, ForcedResponse]:
-    """Sequence of modes and response at a value between two points of a branch."""
-    if near.sequence == far.sequence:
-        point = at_value(problem, near, value)
-        if isinstance(point, Point) and point.sequence == near.sequence:
-            return near.sequence, solver.of(point)
-    found = solver.nearest(value, [near.orbit, far.orbit])
-    # Between motions with different events it has those of either.
-    same = int(found.num_events) == int(near.orbit.events.count)
-    return (near if same else far).sequence, found

@@ -11,7 +11,6 @@ import numpy as np
 from ._accuracy import ACCURACY
 from ._along import Problem
 from ._branching import zero_beside
-from ._conserved import with_quantities_of
 from ._corner import across, led_back
 from ._family import (
     AbstractFamily,
@@ -172,7 +171,6 @@ class Orbits(AbstractFamily):
         yield Leg(point, last, at)
         way, near = None, False
         if at < distance:
-            found = with_quantities_of(problem, last, found)
             way, near = self._beyond(last, found, distance - at, ACCURACY.near * distance)
         if way is not None:
             yield from self._through(points, last, way, way[0] is found, near, (distance, longest))

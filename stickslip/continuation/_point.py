@@ -3,14 +3,13 @@
 import dataclasses
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
 from ..hybrid import SaveAt, simulate
 from ._accuracy import ACCURACY
-from ._along import Anchor, Problem, anchor_at, orbit_at, system_at
-from ._closing import Closure
-from ._corrector import Solved, Start, solve, solve_near
+from ._along import Anchor, Problem, anchor_at, equations_at, orbit_at, system_at
 from ._family import Failure
 from ._guess import OrbitGuess, gained_by
 from ._orbit import PeriodicOrbit
@@ -30,9 +29,8 @@ class Point:
     tangent: np.ndarray
     jacobian: np.ndarray
     orbit: PeriodicOrbit
-    evaluations: int | float
+    evaluations: int
     values: np.ndarray
-    closing: Closure
 
     @property
     def value(self) -> float:
@@ -113,71 +111,55 @@ def begin(problem: Problem, orbit: PeriodicOrbit | OrbitGuess, value: Any) -> Po
 
 def correct(
     problem: Problem, u: np.ndarray, modes: Any, anchor: Anchor, along: np.ndarray,
-    sense: np.ndarray | None, near: Point | None = None, rough: bool = False,
+    sense: np.ndarray | None, tolerance: float = ACCURACY.solved,
 ) -> Point | Failure:  # fmt: skip
-    """The orbit in the plane through `u` perpendicular to `along`, or to each of its rows.
-
-    Newton's method with the derivative of an orbit that is `near`, of the same anchor, as long as that
-    leads on quickly; otherwise with its own. The orbit is simulated again. `rough`: its multipliers and
-    its tangent are those of the one nearby.
-    """
-    start = Start(u, modes, anchor, along)
-    found: Solved | Failure = Failure("not_converged")
-    if near is not None:
-        found = solve_near(problem, start, near, rough)
-    if isinstance(found, Failure):
-        found = solve(problem, start)
-    if isinstance(found, Failure):
-        return found
-    equations = found.residual, found.jacobian, found.closing
-    orbit = orbit_at(problem, jnp.asarray(found.u), jnp.asarray(found.modes), anchor, equations)
+    """Newton's method in the plane through `u` perpendicular to `along`, or to each of its rows; the
+    orbit is simulated again."""
+    start, best = u, np.inf
+    for evaluation in range(1, ACCURACY.evaluations + 1):
+        residual, jacobian, found = jax.device_get(equations_at(problem, jnp.asarray(u), modes, anchor))
+        if not np.all(found.good) or not np.all(np.isfinite(residual)):
+            return Failure("guess_failed")
+        norm = float(np.max(np.abs(residual)))
+        if norm <= tolerance or (norm < ACCURACY.stalled * tolerance and norm > 0.5 * best):
+            break
+        if norm > ACCURACY.far * best or evaluation == ACCURACY.evaluations:
+            return Failure("not_converged")
+        best = min(best, norm)
+        system = np.vstack([jacobian, along])
+        right = np.append(residual, along @ (u - start))
+        try:
+            step = np.linalg.lstsq(system, right, rcond=ACCURACY.rounding)[0]
+        except np.linalg.LinAlgError:
+            return Failure("singular")
+        if not np.all(np.isfinite(step)):
+            return Failure("singular")
+        u = u - step * min(1.0, 5.0 / max(np.max(np.abs(step)), 5.0))
+        modes = np.roll(found.modes, 1)
+        modes[0] = found.modes[-1]
+    orbit = orbit_at(problem, jnp.asarray(u), jnp.asarray(modes), anchor, (residual, jacobian, found))
     if not bool(orbit.successful):
         return Failure(str(orbit.result))
-    tangent = sense if rough and near is not None else tangent_of(found.jacobian, sense)
+    tangent = tangent_of(jacobian, sense)
     if tangent is None:
         return Failure("singular")
-    values = found.u[-len(problem.names) :] * np.asarray(problem.unit)
-    return Point(
-        found.u, found.modes, anchor, tangent, found.jacobian, orbit, found.evaluations, values,
-        found.closing,
-    )  # fmt: skip
+    values = u[-len(problem.names) :] * np.asarray(problem.unit)
+    return Point(u, modes, anchor, tangent, jacobian, orbit, evaluation, values)
 
 
 def ahead(
-    problem: Problem, point: Point, distance: float, way: np.ndarray | None = None, rough: bool = False
+    problem: Problem, point: Point, distance: float, way: np.ndarray | None = None
 ) -> Point | Failure:
     """The point at a distance along the tangent of this one, or another way in the plane of orbits."""
     way = point.tangent if way is None else way
-    found = correct_from(problem, point, distance * way, rough)
+    found = correct_from(problem, point, distance * way)
     there = point.u + distance * way
     return Failure("not_converged") if is_astray(found, there, distance, ACCURACY.strays) else found
 
 
-def correct_from(
-    problem: Problem, point: Point, move: np.ndarray, rough: bool = False
-) -> Point | Failure:
+def correct_from(problem: Problem, point: Point, move: np.ndarray) -> Point | Failure:
     """The orbit that Newton's method finds from a move away from a point: maybe on another branch."""
-    along = point.tangent
-    return correct(problem, point.u + move, point.modes, point.anchor, along, along, point, rough)
-
-
-def at_value(problem: Problem, point: Point, value: float) -> Point | Failure:
-    """The point of a branch near to another one at a value of its one parameter."""
-    rate, unit = point.tangent[-1], float(np.asarray(problem.unit)[0])
-    distance = (value - point.value) / (unit * rate) if rate != 0.0 else np.inf
-    if not abs(distance) < ACCURACY.far:
-        return Failure("not_converged")
-    there, along = point.u + distance * point.tangent, np.zeros(point.u.size)
-    along[-1] = 1.0
-    found = correct(problem, there, point.modes, point.anchor, along, point.tangent, point)
-    if isinstance(found, Failure) or is_astray(found, there, distance, ACCURACY.shorter):
-        return Failure("not_converged")
-    return dataclasses.replace(found, values=np.array([value]))
-
-
-def exact(problem: Problem, point: Point) -> Point | Failure:
-    """A rough point with the multipliers and the tangent that are its own."""
-    return correct(problem, point.u, point.modes, point.anchor, point.tangent, point.tangent)
+    return correct(problem, point.u + move, point.modes, point.anchor, point.tangent, point.tangent)
 
 
 def is_astray(found: Point | Failure, expected: np.ndarray, distance: float, most: float) -> bool:
@@ -235,29 +217,9 @@ def beginning_elsewhere(problem: Problem, point: Point) -> tuple[Point, float] |
         jnp.asarray(period),
         (anchor, not shift),
     )
-    if not shift and problem.forcing_period is not None and not np.any(point.closing.neutral):
-        return _in_sizes_of(point, around), shift
     # No direction is held: the nearest orbit of the branch, also where the parameter turns.
     new = correct(problem, np.asarray(u), modes, around, np.zeros(u.shape[0]), None)
     return new if isinstance(new, Failure) else (new, shift)
-
-
-def _in_sizes_of(point: Point, anchor: Anchor) -> Point:
-    """A point in parts of the sizes of another anchor, of the same first instant and period."""
-    ratio = np.asarray(point.anchor.size) / np.asarray(anchor.size)
-    states = np.tile(ratio, point.closing.ends.shape[0])
-    whole = np.append(states, np.ones(point.u.size - states.size))
-    jacobian = point.jacobian * states[:, None] / whole[None, :]
-    assert point.closing.pieces is not None
-    closing = point.closing._replace(
-        residual=point.closing.residual * states,
-        pieces=point.closing.pieces * ratio[:, None] / ratio[None, :],
-    )
-    tangent = tangent_of(jacobian, point.tangent * whole)
-    return dataclasses.replace(
-        point, u=point.u * whole, anchor=anchor, jacobian=jacobian, closing=closing,
-        tangent=point.tangent if tangent is None else tangent,
-    )  # fmt: skip
 
 
 def _shift(orbit: PeriodicOrbit) -> float:

@@ -9,7 +9,7 @@ from ._accuracy import ACCURACY
 from ._along import Problem
 from ._family import Failure
 from ._orbit import PeriodicOrbit
-from ._point import Point, ahead, exact, is_astray
+from ._point import Point, ahead, is_astray
 
 
 def multipliers_of(orbit: PeriodicOrbit) -> np.ndarray:
@@ -65,13 +65,18 @@ def border(
     """
     last, whole, span = before, 0.0, distance
     for _ in range(ACCURACY.rounds):
-        low, high, best, other = _bisect(problem, last, span, alike, way, rough=True)
-        if best is not last:
-            own = exact(problem, best)
-            if isinstance(own, Point) and alike(own):
-                best = own
-            else:  # rounding, or another orbit
-                low, high, best, other = _bisect(problem, last, span, alike, way, rough=False)
+        # By bisection: of a border nothing but its side is known at an orbit.
+        low, high, best, other = 0.0, span, last, None
+        while high - low > ACCURACY.nearer ** (4 if other is None else 5) * span:
+            middle = 0.5 * (low + high)
+            found = ahead(problem, last, middle, way)
+            there = last.u + middle * (last.tangent if way is None else way)
+            if isinstance(found, Failure) or is_astray(found, there, middle, ACCURACY.shorter):
+                high, other = middle, None
+            elif alike(found):
+                low, best = middle, found
+            else:
+                high, other = middle, found
         last, whole = best, whole + low
         # The orbit goes on right behind the last one, as another kind: the method has not failed.
         goes_on = other is not None and (
@@ -82,23 +87,3 @@ def border(
         # The rest of the way was too long, not by much.
         span = min(0.5 * span, distance - whole)
     return last, whole
-
-
-def _bisect(
-    problem: Problem, last: Point, span: float, alike: Callable[[Point], bool], way: np.ndarray | None,
-    rough: bool,
-) -> tuple[float, float, Point, Point | None]:  # fmt: skip
-    """Distances between which the last point of a kind lies, that at the first, and one beyond."""
-    # By bisection: of a border nothing but its side is known at an orbit.
-    low, high, best, other = 0.0, span, last, None
-    while high - low > ACCURACY.nearer ** (4 if other is None else 5) * span:
-        middle = 0.5 * (low + high)
-        found = ahead(problem, last, middle, way, rough)
-        there = last.u + middle * (last.tangent if way is None else way)
-        if isinstance(found, Failure) or is_astray(found, there, middle, ACCURACY.shorter):
-            high, other = middle, None
-        elif alike(found):
-            low, best = middle, found
-        else:
-            high, other = middle, found
-    return low, high, best, other
