@@ -20,7 +20,9 @@ def as_tree(name: str, function: Any, call: str, *arguments: Any) -> Callable:
 
 def pair_of(measured: Any) -> tuple:
     """Place and speed, as measured; raises `TypeError` for anything but a pair."""
-    if not isinstance(measured, tuple | list) or len(measured) != 2:
+    try:
+        x, v = measured
+    except (TypeError, ValueError):
         allowed = "a pair, (x, v): give `measure` of the loop, such as lambda t, y, args: (y.x, y.v_x)"
-        raise refusal("measured", measured, allowed, TypeError)
-    return tuple(measured)
+        raise refusal("measured", measured, allowed, TypeError) from None
+    return x, v
