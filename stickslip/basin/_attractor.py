@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -13,7 +14,7 @@ from .._jit_by_code import jit_by_code
 from .._show import number
 from ..analysis.held_directions import held_directions
 from ..continuation import Equilibrium, OrbitGuess, PeriodicOrbit, orbit_guess, periodic_orbit
-from ..hybrid import AdaptiveStep, Integrator, SaveAt, simulate
+from ..hybrid import SaveAt, simulate
 from ..hybrid.accuracy import ACCURACY as ENGINE
 from ._accuracy import ACCURACY
 from ._lanes import Lanes, flat, rows_of
@@ -97,7 +98,10 @@ def fixed_point_at(search: Search, t: float, y: np.ndarray, mode: int) -> Found 
         return tuple(np.nan_to_num(np.asarray(a), posinf=0.0, neginf=0.0) for a in found)
 
     z = scipy.optimize.root(rates, y / scale, jac=True, method="hybr", tol=ENGINE.slack).x
-    values, jacobian = rates(z)
+    given = lanes.system, lanes.args, lanes.unravel, t, number_of_mode
+    values, jacobian = (np.asarray(a) for a in _rates(*given, z, scale))
+    if not (np.all(np.isfinite(values)) and np.all(np.isfinite(jacobian))):
+        return None  # on the way such numbers only tell where not to go on
     eigenvalues = np.linalg.eigvals(jacobian)
     largest = float(np.max(np.abs(eigenvalues), initial=0.0))
     if not np.max(np.abs(values)) <= ENGINE.zero * largest * max(np.max(np.abs(z)), 1.0):
@@ -122,7 +126,7 @@ def orbit_at(search: Search, t: float, y: np.ndarray, mode: int) -> Found | None
     longest = search.duration / 4 if forcing is None else ACCURACY.few * forcing
     guess = orbit_guess(
         lanes.system, state, transient=0.0, max_period=longest, forcing_period=forcing, t0=t,
-        mode0=mode, args=lanes.args,
+        mode0=mode, args=lanes.args, shooting=lanes.shooting,
     )  # fmt: skip
     if not np.isfinite(guess.period):
         return None
@@ -135,7 +139,9 @@ def orbit_at(search: Search, t: float, y: np.ndarray, mode: int) -> Found | None
 def orbit_of(search: Search, guess: OrbitGuess | PeriodicOrbit) -> Found | None:
     """The periodic orbit near a guess, with the tube about it."""
     lanes, forcing = search.lanes, search.forcing_period
-    orbit = periodic_orbit(lanes.system, guess, forced=forcing is not None, args=lanes.args)
+    orbit = periodic_orbit(
+        lanes.system, guess, forced=forcing is not None, args=lanes.args, shooting=lanes.shooting
+    )
     if not bool(orbit.successful):
         return None
     t0, period = float(orbit.t0), float(orbit.period) / int(orbit.repeats)
@@ -144,9 +150,13 @@ def orbit_of(search: Search, guess: OrbitGuess | PeriodicOrbit) -> Found | None:
         saved = SaveAt(ts=t0 + forcing * np.arange(round(period / forcing)))
     else:
         saved = SaveAt(steps=True)
-    # As an array: a number of Python would be a part of the program.
-    step = jnp.asarray(np.inf if forcing is not None else period / ACCURACY.many)
-    fine = Integrator(step=AdaptiveStep(1e-10, dtmax=step))
+    fine = lanes.integrator
+    if forcing is None and fine.step.adaptive:
+        # As an array: a number of Python would be a part of the program.
+        longest = jnp.asarray(period / ACCURACY.many)
+        if fine.step.dtmax is not None:
+            longest = jnp.minimum(longest, fine.step.dtmax)
+        fine = eqx.tree_at(lambda i: i.step.dtmax, fine, longest, is_leaf=lambda a: a is None)
     run = simulate(
         lanes.system, t0, t0 + period, orbit.y0, orbit.mode0, lanes.args, integrator=fine, saveat=saved
     )

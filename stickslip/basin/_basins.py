@@ -164,7 +164,7 @@ def basins(
     if integrator is not None:
         check_type("integrator", integrator, Integrator, "an Integrator or None")
     y, shape = _starts_in(y0, box, points)
-    lanes = Lanes(system, args, Integrator() if integrator is None else integrator, y0)
+    lanes = Lanes(system, args, integrator, y0)
     judged = Judged(lanes, settle, y, turns(system, y0), known)
     judged.follow()
     starts = jax.vmap(lanes.unravel)(y)

@@ -66,7 +66,7 @@ def border_motion(
     axes = found.code.ndim
     first = jax.tree.map(lambda leaf: leaf.reshape(-1, *leaf.shape[axes:])[0], found.starts)
     y0, _ = check_start(system, first, found.box, settle, args)
-    lanes = Lanes(system, args, Integrator() if integrator is None else integrator, y0)
+    lanes = Lanes(system, args, integrator, y0)
     turn = turns(system, y0)
     attractors = Judged(lanes, settle, rows[:1], turn, found.attractors).attractors
     names = [attractor.name for attractor in attractors]
@@ -113,9 +113,19 @@ def _on_border(
             tube = found.attractor.tube
             assert tube is not None
             away = float(distances(stack_of([tube]), motion.y, motion.mode)[0, 0])
-            if found.rate > 0.0 and away < best[0]:
+            if found.rate > 0.0 and away < best[0] and _stays(lanes, t, found):
                 best = away, found
     return None if best[1] is None else best[1].attractor.motion
+
+
+def _stays(lanes: Lanes, t: float, found: Found) -> bool:
+    """Whether a motion that begins on this one stays there: the mode's fixed point may be no state of
+    it. Orbits were simulated when they were solved."""
+    attractor, tube = found.attractor, found.attractor.tube
+    if attractor.kind == "orbit" or tube is None:
+        return True
+    moved = lanes(t, t + 1.0 / found.rate, tube.start, tube.mode)
+    return float(distances(stack_of([tube]), moved.y, moved.mode)[0, 0]) <= ACCURACY.same
 
 
 def _nearest(one: np.ndarray, other: np.ndarray) -> np.ndarray:

@@ -52,7 +52,7 @@ class Judged:
     @property
     def search(self) -> Search:
         """The motions so far, to look for attractors with."""
-        extent = self.high - self.low
+        extent = np.minimum(self.high - self.low, self.turn)  # an angle may go round for ever
         scale = np.where(extent > 0.0, extent, 1.0)
         period = self.settle.forcing_period
         return Search(self.lanes, scale, self.turn, self.settle.duration, period)

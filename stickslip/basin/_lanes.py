@@ -11,6 +11,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import PyTree
 
 from .._outcome import names_of
+from ..continuation import Shooting
 from ..hybrid import AbstractHybridSystem, Integrator, SaveAt, simulate
 from ..hybrid.system import mode_type
 from ..hybrid.tree import with_float_arrays
@@ -32,9 +33,12 @@ class Moved(NamedTuple):
 class Lanes:
     """The program that moves flat states on; one for all numbers that the system holds."""
 
-    def __init__(self, system: AbstractHybridSystem, args: PyTree, integrator: Integrator, y0: PyTree):
+    def __init__(
+        self, system: AbstractHybridSystem, args: PyTree, integrator: Integrator | None, y0: PyTree
+    ):
         self.system, self.args = with_float_arrays((system, args))
-        self.integrator, self.mode_type = integrator, mode_type(system)
+        self.integrator = Integrator() if integrator is None else integrator
+        self.shooting, self.mode_type = Shooting(integrator=integrator), mode_type(system)
         self.unravel: Callable[[Any], PyTree] = ravel_pytree(y0)[1]
         self.numbers, self.rest = eqx.partition((self.system, self.args), eqx.is_array)
         self.program = map_lanes(self._run)

@@ -51,27 +51,8 @@ def _turn(points: np.ndarray) -> int:
     return 1000 + int(np.argmin(away[1000:]))
 
 
-class TwoWells(AbstractMechanism):
-    """A mass in two wells at -1 and 1, under friction on the ground and damping."""
-
-    friction: float = 0.0
-    damping: float = 0.3
-    force: float = 0.0
-    coordinates: ClassVar = {"x": "m"}
-    contact_directions: ClassVar = {"ground": {"x": 1}}
-
-    def mass_matrix(self, q):
-        return {"x": 1.0}
-
-    def forces(self, t, q, v, args):
-        return {"x": q.x - q.x**3 - self.damping * v.x + self.force}
-
-    def contacts(self, t, q, v, args):
-        return {"ground": Contact(Coulomb(self.friction, self.friction), 1.0)}
-
-
 class Wells(AbstractMechanism):
-    """The same without a contact."""
+    """A mass in two wells at -1 and 1, with damping."""
 
     damping: float = 0.3
     coordinates: ClassVar = {"x": "m"}
@@ -81,6 +62,16 @@ class Wells(AbstractMechanism):
 
     def forces(self, t, q, v, args):
         return {"x": q.x - q.x**3 - self.damping * v.x}
+
+
+class TwoWells(Wells):
+    """The same with friction on the ground."""
+
+    friction: float = 0.0
+    contact_directions: ClassVar = {"ground": {"x": 1}}
+
+    def contacts(self, t, q, v, args):
+        return {"ground": Contact(Coulomb(self.friction, self.friction), 1.0)}
 
 
 def well(x: float, v: float, damping: float = 0.3) -> int:

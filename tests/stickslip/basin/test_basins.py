@@ -1,11 +1,15 @@
 """Attractors and their basins, beside SciPy and closed forms."""
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import stickslip as ss
 from stickslip import plot
 from stickslip.basin import Settle, basins, basins_over, border_motion, share_inside
+from stickslip.basin._attractor import Search, fixed_point_at
+from stickslip.basin._border import _stays
+from stickslip.basin._lanes import Lanes
 from tests.stickslip.basin._systems import (
     BOX,
     SHARES,
@@ -99,7 +103,7 @@ def test_motions_that_leave_and_runs_that_fail():
     [(0.05, 3), (0.38, 3), (0.39, 1)],
 )
 def test_sets_of_rest_are_those_that_hang_together(friction, count):
-    system = TwoWells(friction, 0.1)
+    system = TwoWells(0.1, friction)
     found = basins(system, system.state(), SQUARE, Settle(200.0), points=(16, 16))
     assert [a.kind for a in found.attractors] == ["rest"] * count
     ends = [float(a.motion.x) for a in found.attractors]
@@ -109,6 +113,28 @@ def test_sets_of_rest_are_those_that_hang_together(friction, count):
             np.sign(round(x)): found.shares[a.name] for x, a in zip(ends, found.attractors, strict=True)
         }
         assert shares[-1.0] == shares[1.0]
+
+
+def test_a_fixed_point_of_a_slip_that_friction_holds_is_none():
+    """On a border it would be taken for the saddle: the mass sticks there."""
+    system = TwoWells(0.1, 0.2)
+    lanes = Lanes(system, None, None, system.state())
+    search = Search(lanes, np.ones(2), np.full(2, np.inf), 10.0, None)
+    modes = range(len(system.mode_names))
+    found = [fixed_point_at(search, 0.0, np.array([0.2, 0.0]), mode) for mode in modes]
+    unstable = [one for one in found if one is not None and one.rate > 0.0]
+    assert unstable
+    assert not any(_stays(lanes, 0.0, one) for one in unstable)
+
+
+def test_numbers_that_are_none_are_no_fixed_point():
+    class Root(Wells):
+        def forces(self, t, q, v, args):
+            return {"x": -jnp.sqrt(q.x) - v.x}
+
+    lanes = Lanes(Root(), None, None, Root().state())
+    search = Search(lanes, np.ones(2), np.full(2, np.inf), 10.0, None)
+    assert fixed_point_at(search, 0.0, np.array([-1.0, 0.0]), 0) is None
 
 
 @pytest.fixture(scope="module")

@@ -1,7 +1,5 @@
 """A sampled controller hunts with a period of whole samples, which the continuation finds."""
 
-from typing import ClassVar
-
 import jax
 import jax.numpy as jnp
 import pytest
@@ -9,26 +7,9 @@ import pytest
 import stickslip as ss
 from stickslip.continuation import orbit_guess, periodic_orbit
 from stickslip.control import PID, WithController
-from stickslip.friction import Coulomb
-from stickslip.mechanism import AbstractMechanism, Contact
+from tests.stickslip.control._axis import Axis
 
 SAMPLE = 0.05  # [s]
-
-
-class Axis(AbstractMechanism):
-    """1 kg in a guide, moved by the output of its controller."""
-
-    coordinates: ClassVar = {"x": "m"}
-    contact_directions: ClassVar = {"guide": {"x": 1}}
-
-    def mass_matrix(self, q):
-        return {"x": 1.0}
-
-    def forces(self, t, q, v, args):
-        return {"x": args.output}
-
-    def contacts(self, t, q, v, args):
-        return {"guide": Contact(Coulomb(1.5, 1.0))}
 
 
 @pytest.mark.slow
