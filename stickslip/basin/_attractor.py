@@ -151,11 +151,12 @@ def orbit_of(search: Search, guess: OrbitGuess | PeriodicOrbit) -> Found | None:
     else:
         saved = SaveAt(steps=True)
     fine = lanes.integrator
-    if forcing is None and fine.step.adaptive:
+    step: Any = fine.step
+    if forcing is None and step.adaptive:
         # As an array: a number of Python would be a part of the program.
         longest = jnp.asarray(period / ACCURACY.many)
-        if fine.step.dtmax is not None:
-            longest = jnp.minimum(longest, fine.step.dtmax)
+        if step.dtmax is not None:
+            longest = jnp.minimum(longest, step.dtmax)
         fine = eqx.tree_at(lambda i: i.step.dtmax, fine, longest, is_leaf=lambda a: a is None)
     run = simulate(
         lanes.system, t0, t0 + period, orbit.y0, orbit.mode0, lanes.args, integrator=fine, saveat=saved

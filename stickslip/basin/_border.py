@@ -119,12 +119,12 @@ def _on_border(
 
 
 def _stays(lanes: Lanes, t: float, found: Found) -> bool:
-    """Whether a motion that begins on this one stays there: the mode's fixed point may be no state of
-    it. Orbits were simulated when they were solved."""
+    """Whether the system itself stays at a fixed point of a mode, which may be no state of it: friction
+    holds where a slip would only just begin. Orbits were simulated when they were solved."""
     attractor, tube = found.attractor, found.attractor.tube
     if attractor.kind == "orbit" or tube is None:
         return True
-    moved = lanes(t, t + 1.0 / found.rate, tube.start, tube.mode)
+    moved = lanes(t, t + 1.0 / found.rate, tube.start, [-1])
     return float(distances(stack_of([tube]), moved.y, moved.mode)[0, 0]) <= ACCURACY.same
 
 
