@@ -22,7 +22,7 @@ jax.config.update("jax_numpy_dtype_promotion", "strict")
 
 matplotlib.use("agg")
 
-MOST_MAPS = 30_000
+MOST_MAPS = 20_000
 PASSES_OVER_LOOPS = (
     "simplify-while-loops",
     "while-loop-constant-sinking",
@@ -69,15 +69,16 @@ def pytest_configure(config: pytest.Config) -> None:
         importlib.import_module("stickslip").enable_compilation_cache()
 
 
-@pytest.fixture(autouse=True)
-def room_for_programs(request):
-    """Compiled programs are dropped before a process has as many maps of memory as the system allows.
+@pytest.fixture(autouse=True, scope="module")
+def room_for_programs():
+    """Compiled programs are dropped after a file that leaves as many maps of memory as a third of the limit.
 
-    Every program takes some; where there is no room for one more, XLA ends the process. The slow tests
-    of one worker come to that, 65,530 on Linux; the quick ones are far from it.
+    Every program takes some twenty; where there is no room for one more, 65,530 on Linux, XLA ends the
+    process by a segmentation fault. A worker of the suite would come to that, and to 10 GB, at two
+    thirds of it. Files share few programs.
     """
     yield
-    if request.node.get_closest_marker("slow") and memory_maps() > MOST_MAPS:
+    if memory_maps() > MOST_MAPS:
         jax.clear_caches()
         gc.collect()
 
