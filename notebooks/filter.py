@@ -27,6 +27,7 @@ import numpy as np
 import stickslip as ss
 from stickslip.estimation import Gaussian, Noise, kalman_filter, smooth
 from stickslip.friction import Coulomb
+from stickslip.identification import KalmanFilter, Observed, Problem, Record, Unknown
 from stickslip.mechanism import AbstractMechanism, Contact
 
 ss.enable_compilation_cache()  # what a run compiles, the next one reads from disk
@@ -137,19 +138,26 @@ assert inside.mean() > 0.95
 # %% [markdown]
 # ## Parameters and noise from the same record
 #
-# The likelihood of the record has derivatives by everything that stands in `track`, by the noise too.
-# Here over the kinetic friction: its slope is zero at the best value.
+# The likelihood of the record has derivatives by everything that stands in `track`, by the noise too. In
+# a `Problem` it is what a fit maximises: friction comes with an interval that knows of the drift.
 
 # %%
-forces = np.linspace(0.48, 0.52, 9)
-rows = jax.jit(jax.vmap(jax.value_and_grad(lambda force: track(force, 1e-4).log_likelihood)))
-likelihood, slope = rows(forces)
-best = forces[np.argmax(likelihood)]
-print(f"most likely of these: {best:.3f} N, slopes from {slope[0]:.0f} to {slope[-1]:.0f} per N")
+fit = Problem(
+    system=lambda p, inputs: Block(p["kinetic"]),
+    initial_state=lambda p, inputs: block.state(v_x=0.2),
+    unknowns={"kinetic": Unknown(0.49, unit="N")},
+    observed={"position": Observed(lambda t, y, system: y.x, 0.01, "m")},
+    records=Record(t, {"position": read}, begin=0.0),
+    correct=KalmanFilter(
+        process=lambda p, inputs: block.state(d=1e-4),
+        spread=lambda p, inputs: block.state(x=0.01, d=0.02),
+    ),
+).fit()
+print(fit)
 
 # %% tags=["remove-cell"]
-assert abs(best - 0.5) <= 0.0051
-assert slope[0] > 0.0 > slope[-1]
+assert fit.successful
+assert abs(fit.values["kinetic"] - 0.5) < 3.0 * fit.standard_errors()["kinetic"] < 0.02
 
 # %% [markdown]
 # The filter is of first order: break-away should be known to within the time between stamps, or the

@@ -71,7 +71,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 @pytest.fixture(autouse=True, scope="module")
 def room_for_programs():
-    """Compiled programs are dropped after a file that leaves as many maps of memory as a third of the limit.
+    """Compiled programs are dropped after a file that leaves a third of the maps of memory that may be.
 
     Every program takes some twenty; where there is no room for one more, 65,530 on Linux, XLA ends the
     process by a segmentation fault. A worker of the suite would come to that, and to 10 GB, at two

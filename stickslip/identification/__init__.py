@@ -2,6 +2,7 @@
 
 from ._compare import Comparison as Comparison
 from ._compare import compare as compare
+from ._corrections import KalmanFilter as KalmanFilter
 from ._descent import GradientDescent as GradientDescent
 from ._fit import RESULTS as RESULTS
 from ._fit import Fit as Fit

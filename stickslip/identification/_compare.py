@@ -64,8 +64,9 @@ def compare(
 
     With $n$ residuals, $p$ unknowns and $\chi^2 = \|r\|^2$ the misfit is $D = \chi^2$ where the noise
     is known, and $D = n\ln(\chi^2/n)$ where its standard deviation is one unknown more
-    ($k = p + 1$ instead of $k = p$). Then AIC $= D + 2k$, AICc $=$ AIC $+ 2k(k+1)/(n-k-1)$,
-    BIC $= D + k\ln n$. Use `noise_known=False` where the model's own errors outweigh the noise, which
+    ($k = p + 1$ instead of $k = p$); of a `KalmanFilter` with `Fit.log_spread` added. Then
+    AIC $= D + 2k$, AICc $=$ AIC $+ 2k(k+1)/(n-k-1)$, BIC $= D + k\ln n$. Use `noise_known=False` where
+    the model's own errors outweigh the noise, which
     otherwise make every further unknown look well founded.
 
     **Arguments:** `fits` by name, with as many residuals each; `held_out`: by name the errors of each
@@ -92,7 +93,7 @@ def compare(
         chi = float(np.nansum(rows[name] ** 2))
         count = len(fit.names)
         k = count if noise_known else count + 1
-        misfit = chi if noise_known else n * np.log(chi / n)
+        misfit = float(fit.log_spread) + (chi if noise_known else n * np.log(chi / n))
         aic = misfit + 2 * k
         small = 2 * k * (k + 1) / (n - k - 1) if n > k + 1 else np.inf
         score = errors.get(name)

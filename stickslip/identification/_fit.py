@@ -65,8 +65,9 @@ class Fit(eqx.Module):
     - `code`: why the method stopped; `result` is the item of `RESULTS`, whose message says it.
     - `digest` of the data of a `Problem`, empty otherwise. `save(path)`; `load_fit(path)` reads it.
 
-    - `instants`: of a `Problem`, the number of the time at which each residual was measured, in the
-      `grid` of (records, times). Otherwise the residuals are taken as one series in their order.
+    - `instants`: of a `Problem`, the number of the time at which each datum was measured, in the
+      `grid` of (records, times). Otherwise the residuals are taken as one series in their order. Rows
+      between those of the data and of the priors are the logarithms in a likelihood (`KalmanFilter`).
 
     How well the estimates are known: `standard_errors`, `interval`, `covariance`, `correlation`, by the
     linearised problem, rows and columns in the order of `names`; `cost`, `reduced_chi_squared`,
@@ -180,9 +181,22 @@ class Fit(eqx.Module):
         return self.space.active(self.values, self.standard_errors())
 
     @property
-    def data_residual(self) -> Float[Array, "*batch row"]:
-        """The residual without the rows of the priors."""
-        return self.residual[..., : self.residual.shape[-1] - self.space.num_priors]
+    def data_residual(self) -> Float[Array, "*batch datum"]:
+        """The residual without the rows of logarithms and priors."""
+        return self.residual[..., : self._num_data]
+
+    @property
+    def _num_data(self) -> int:
+        if self.instants is not None:
+            return self.instants.shape[-1]
+        return self.residual.shape[-1] - self.space.num_priors
+
+    @property
+    def log_spread(self) -> Float[Array, "*batch"]:
+        r"""$\sum 2\ln(s_i/\sigma_i)$ of the innovations of a `KalmanFilter`, 0 without it: with the
+        squares of the residuals of the data, $-2\ln L$ but for a constant."""
+        first, last = self._num_data, self.residual.shape[-1] - self.space.num_priors
+        return jnp.sum(self.residual[..., first:last] ** 2, axis=-1) - 0.5 * (last - first)
 
     @property
     def cost(self) -> Float[Array, "*batch"]:
@@ -193,7 +207,9 @@ class Fit(eqx.Module):
     @property
     def reduced_chi_squared(self) -> Float[Array, "*batch"]:
         r"""$\|r\|^2/(n - p)$ of $n$ residuals and $p$ unknowns; near 1 if the noise is as assumed."""
-        return 2.0 * self.cost / (self.residual.shape[-1] - len(self.sensitivity.names))
+        rows = self._num_data + self.space.num_priors
+        others = 0.5 * (self.residual.shape[-1] - rows) + self.log_spread
+        return (2.0 * self.cost - others) / (rows - len(self.sensitivity.names))
 
     @check_arguments(robust=flag)
     def standard_errors(self, robust: bool = False) -> NamedValues:

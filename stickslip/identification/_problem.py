@@ -37,6 +37,7 @@ from .._validation import (
 from ..hybrid import Integrator, Solution
 from ..progress import Progress
 from ._accuracy import ACCURACY
+from ._corrections import Correct, correction_of
 from ._evaluate import solve_run
 from ._fit import Fit, best, one_fit, probability
 from ._further_record import known_of_further, with_own
@@ -109,6 +110,7 @@ class Problem:
       from one stamp to the next, and noise that enters the motion itself does no harm; `sd` is that
       of the innovations. Without, the whole motion is predicted from its beginning. At a stamp at which
       the record begins nothing is corrected. L. Ljung, System Identification (1999), section 4.3.
+      Or a `KalmanFilter`, whose gain follows from how fast a state wanders, an unknown like any other.
 
     Of data from a closed loop, let the known controller be a part of the system, its reference the
     input, and observe position, speed or command: what disturbs the machine is then noise of the fit.
@@ -122,7 +124,7 @@ class Problem:
         system=callable_as("f(values, inputs)", {}, {}),
         initial_state=callable_as("f(values, inputs)", {}, {}),
         integrator=or_none(instance(Integrator, "an Integrator or None")),
-        correct=or_none(callable_as("f(values, state, innovations)", {}, None, {})),
+        correct=correction_of,
     )
     def __init__(
         self,
@@ -134,7 +136,7 @@ class Problem:
         *,
         integrator: Given[Integrator | None] = None,
         delay: Given[str | None] = None,
-        correct: Given[Callable[[NamedValues, Any, NamedValues], Any] | None] = None,
+        correct: Given[Correct | None] = None,
     ):
         scalars("unknowns", unknowns)
         self.given = dict(unknowns)
@@ -187,7 +189,8 @@ class Problem:
 
     def residual(self, values: NamedNumbers) -> Float[Array, " row"]:
         """Residuals (model - data)/sd of everything measured: record after record, in each one observed
-        quantity after the other, in each the times in order. Missing values have no row.
+        quantity after the other, in each the times in order. Missing values have no row. Those of a
+        `KalmanFilter` are of its innovations, and two times as many rows, of their sizes, come behind.
 
         **Arguments:** `values`, numbers by the names of `unknowns`. **Raises** `TypeError`,
         `ValueError` for a name too few or too many, or a value that is not finite.
@@ -215,12 +218,15 @@ class Problem:
         return Simulation(jnp.asarray(times), rows, solution)
 
     def parts(self, residual: Given[Array | np.ndarray]) -> dict[str, dict[str, tuple[Any, Any]]]:
-        """A row of `residual` in parts: by record and observed quantity its times [s] and residuals.
+        """A row of `residual`, or of `Fit.data_residual`, in parts: by record and observed quantity its
+        times [s] and residuals.
 
         **Raises** `ValueError` for a row of another length.
         """
         count = self._data.keep.size
         residual = reals(self, "residual", residual)
+        if np.shape(residual) == (3 * count,):  # of a likelihood
+            residual = residual[:count]
         if np.shape(residual) != (count,):
             raise shape_refusal("residual", residual, f"one row of {count}")
         found, at = {}, 0
@@ -257,7 +263,7 @@ class Problem:
         unknowns = self.unknowns
         if start is not None:
             unknowns = _with_starts(unknowns, check_mapping("start", start), "start")
-        self._compare_stamps(unknowns)
+        warn_of_wide_stamps(self._run, unknowns, self._data, self.records[0].times)
         if starts is not None:
             rows = sobol_starts(unknowns, starts, seed=seed)
             return best(self.fits(rows, method=method, chunk_size=chunk_size))
@@ -407,13 +413,6 @@ class Problem:
                 "fit.standard_errors(robust=True).",
                 stacklevel=4,
             )
-
-    def _compare_stamps(self, unknowns: dict[str, Any]) -> None:
-        """A word on stamps that are out of proportion to the model."""
-        values = {name: unknown.start if isinstance(unknown, Unknown) else unknown
-                  for name, unknown in unknowns.items()}  # fmt: skip
-        if is_concrete((values, self._data)):
-            warn_of_wide_stamps(self._run, values, self._data, self.records[0].times)
 
     def _method(self, method: AbstractMethod | None) -> AbstractMethod:
         method = LevenbergMarquardt() if method is None else method

@@ -19,17 +19,18 @@ def robust_covariance(
     $\Omega$ is not less than for residuals that are white and as large as they are, never smaller than
     stated: of the two the one with the larger variance counts, unknown by unknown.
 
-    `instants`: number of the time in the `grid` (records, times) of each residual. Residuals of one
-    time are summed, so that channels may hang together.
+    `instants`: number of the time in the `grid` (records, times) of each datum. Residuals of one
+    time are summed, so that channels may hang together, and with them what else there is of a datum.
     """
-    rows = residual.shape[0] - priors
+    rows, data = residual.shape[0] - priors, instants.shape[0]
     slopes, r = matrix[:rows], residual[:rows]
-    scores = jnp.zeros((grid[0] * grid[1], slopes.shape[1])).at[instants].add(slopes * r[:, None])
-    free = max(rows + priors - slopes.shape[1], 1)
-    extra = jnp.maximum(jnp.sum(r**2) / free, 1.0)
+    times = jnp.tile(instants, rows // data)
+    scores = jnp.zeros((grid[0] * grid[1], slopes.shape[1])).at[times].add(slopes * r[:, None])
+    free = max(data + priors - slopes.shape[1], 1)
+    extra = jnp.maximum(jnp.sum(r[:data] ** 2) / free, 1.0)
     stated = matrix[rows:].T @ matrix[rows:]
     by_size = bread @ (extra * slopes.T @ slopes + stated) @ bread
-    long_run = long_run_covariance(scores.reshape(*grid, -1)) * (rows / free)
+    long_run = long_run_covariance(scores.reshape(*grid, -1)) * (data / free)
     by_time = bread @ (long_run + stated) @ bread
     larger = jnp.maximum(jnp.diagonal(by_size), jnp.diagonal(by_time))
     size = jnp.sqrt(jnp.diagonal(by_time))

@@ -12,7 +12,6 @@ from jaxtyping import Array, Bool, Float, Int
 
 from .._validation import as_float64
 from ..hybrid import Integrator, SaveAt, WithBreaks, jit_plainly, simulate
-from ..hybrid.longest_step import spanning
 from ._signal import Signal, breaks_of
 from ._unknowns import NamedValues
 
@@ -72,7 +71,7 @@ class Run:
     delay: str | None
     shared: tuple[str, ...]
     local: tuple[tuple[str, tuple[str, ...]], ...]  # names with the names per record
-    correct: Callable[..., Any] | None = None
+    correct: Any = None  # an AbstractCorrection
 
     def split(self, values: NamedValues) -> tuple[NamedValues, NamedValues]:
         """Values of all records, and rows of values of each."""
@@ -132,61 +131,29 @@ class Run:
         states, solution = self.motion(system, breaks, self.start(values, inputs), begin, ts, log)
         return self.observe(system, ts, states), solution
 
-    def predict_corrected(
-        self, values: NamedValues, one: tuple, measured: Array, present: Array
-    ) -> Array:
-        """Observations just before each stamp of one record, where the state has been corrected at
-        the stamps before."""
-        times, begin, inputs = one
-        correct = self.correct
-        assert correct is not None
-        system, breaks = self.system_of(values, inputs)
-        ts = self.times_of(values, times, begin)
-        # From stamp to stamp the motion is bounded in its steps by the record, as it is in one go.
-        integrator = Integrator() if self.integrator is None else self.integrator
-        run = dataclasses.replace(self, integrator=spanning(integrator, ts[-1] - begin))
-
-        def onwards(now, stamp):
-            since, y = now
-            t, seen, here = stamp
-            states, _ = run.motion(system, breaks, y, since, t[None])
-            row = self.observe(system, t[None], states)[:, 0]
-            off = jnp.where(here, seen - row, 0.0)
-            before = jax.tree.map(lambda a: a[0], states)
-            names = [name for name, _ in self.observed]
-            after = correct(values, before, {name: off[i] for i, name in enumerate(names)})
-            after = jax.tree.map(lambda a: jnp.asarray(a, jnp.float64), after)
-            # A stamp that is repeated makes records equally long, and corrects nothing again.
-            after = jax.tree.map(lambda new, old: jnp.where(t > since, new, old), after, before)
-            return (t, after), row
-
-        first = jnp.asarray(begin, ts.dtype)
-        _, rows = jax.lax.scan(
-            onwards, (first, self.start(values, inputs)), (ts, measured.T, present.T)
-        )
-        return rows.T
-
-    def predictions(self, values: NamedValues, data: Data) -> Float[Array, "record observed time"]:
-        """Observations of all records, one after the other by one program."""
+    def rows(self, values: NamedValues, data: Data) -> Float[Array, "kind record observed time"]:
+        """Residuals of all records, one after the other by one program: those of the data, in standard
+        deviations, and behind them what else a correction brings."""
         common, local = self.split(values)
 
-        def predict(row):
+        def one(row):
             mine, known, one, measured, present = row
             values = {**known, **common, **mine}
             if self.correct is not None:
-                return self.predict_corrected(values, one, measured, present)
-            return self.one(values, one, log=False)[0]
+                return self.correct.rows(self, values, one, measured, present, data.deviations)
+            off = self.one(values, one, log=False)[0] - measured
+            return (off / data.deviations[:, None])[None]
 
         ones = (data.times, data.begin, data.inputs)
         rows = (local, data.known, ones, data.values, data.present)
         if data.times.shape[0] == 1:
-            return predict(jax.tree.map(lambda a: jnp.asarray(a)[0], rows))[None]
-        return jax.lax.map(predict, rows)
+            return one(jax.tree.map(lambda a: jnp.asarray(a)[0], rows))[:, None]
+        return jnp.moveaxis(jax.lax.map(one, rows), 1, 0)
 
     def __call__(self, values: NamedValues, data: Data) -> Float[Array, " row"]:
-        """Residuals of what was measured, in standard deviations: record, observed, time."""
-        off = self.predictions(values, data) - data.values
-        return (off / data.deviations[None, :, None]).reshape(-1)[data.keep]
+        """Residuals of what was measured, by record, observed, time; then what else there is alike."""
+        rows = self.rows(values, data)
+        return rows.reshape(rows.shape[0], -1)[:, data.keep].reshape(-1)
 
 
 @jit_plainly

@@ -9,9 +9,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from .._validation import is_concrete
 from ..hybrid import jit_by_code
 from ._accuracy import ACCURACY
 from ._run import Data, Run, call_with_values
+from ._unknown import Unknown
 from ._unknowns import NamedValues
 
 
@@ -32,13 +34,14 @@ def _slopes(run: Run, values: NamedValues, data: Data) -> Float[Array, "mode siz
     return jax.lax.map(of, jnp.arange(min(len(system.mode_names), ACCURACY.most_modes)))
 
 
-def warn_of_wide_stamps(run: Run, values: NamedValues, data: Data, times: np.ndarray) -> None:
-    """Warn if the model swings `OFTEN` from one of `times` [s] to the next.
+def warn_of_wide_stamps(run: Run, unknowns: dict[str, Any], data: Data, times: np.ndarray) -> None:
+    """Warn if the model swings `most_swings` times or more from one of `times` [s] to the next.
 
     Such a record does not show its motion, however right the model. The swing is that of the slowest
     oscillation in any mode, about where the first record begins.
     """
-    if times.size < 2:
+    values = {key: one.start if isinstance(one, Unknown) else one for key, one in unknowns.items()}
+    if times.size < 2 or not is_concrete((values, data)):
         return
     found: Any = np.asarray(_slopes(run, values, data))
     found = found[np.all(np.isfinite(found), axis=(1, 2))]

@@ -75,6 +75,10 @@ MEASURED = [
         },
     ),
     Target(
+        identification.KalmanFilter,
+        dict.fromkeys(("process", "spread"), arg(lambda p, inputs: None, "function")),
+    ),
+    Target(
         identification.Observed,
         {
             "function": arg(lambda t, y, system: y.x, "function"),

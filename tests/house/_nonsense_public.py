@@ -125,6 +125,7 @@ EXEMPT_METHODS = {
             "AbstractGaussNewton.advance", "AbstractGaussNewton.finish",
             "GradientDescent.begin", "GradientDescent.advance", "GradientDescent.finish",
             "MultipleShooting.brought_near", "Homotopy.brought_near", "Homotopy.many_near",
+            "KalmanFilter.rows",
         ),
         "steps of a method, called inside of the programs of fits",
     ),

@@ -135,7 +135,7 @@ UNKNOWN_TO = {
     "continuation": {*MACHINES, "basin", "estimation", "plot"},
     "control": {"basin", "continuation", "estimation", "plot"},
     "estimation": {*MACHINES, "basin", "continuation", "plot"},
-    "identification": {"systems", "analysis", "basin", "continuation", "estimation"},
+    "identification": {"systems", "analysis", "basin", "continuation"},
     "sweep": {"friction", "contact", "mechanism", "systems", "derived", *ABOVE},
 }
 

@@ -4,9 +4,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.optimize import minimize
 
 from stickslip.estimation import Gaussian, Noise, kalman_filter
+from stickslip.identification import KalmanFilter, Observed, Problem, Record
 from tests.stickslip.estimation._machines import Pushed, place
 from tests.stickslip.estimation._truth import kicks_of, wander
 
@@ -49,7 +49,7 @@ def test_slopes_are_those_of_differences_forward_and_reverse():
 
 @pytest.mark.more
 def test_friction_and_the_wandering_of_a_force_are_found_by_the_likelihood():
-    """A record of 40 s that drifts: all within three standard errors of the Hessian."""
+    """A record of 40 s that drifts: within three standard errors, where the likelihood is largest."""
     truth = {
         "static": 1.0, "kinetic": 0.5, "belt": 0.3, "x": 0.0, "spread": 1e-3, "noise": 1e-3,
         "wander": 5e-3,
@@ -70,17 +70,27 @@ def test_friction_and_the_wandering_of_a_force_are_found_by_the_likelihood():
 
     x = np.asarray(motion(y)) + truth["noise"] * np.random.default_rng(7).normal(size=count)
 
-    def negative(z):
-        static, kinetic, wandering = z
-        return -likelihood(
-            truth | {"static": static, "kinetic": kinetic, "wander": jnp.exp(wandering)}, t, x
-        )
+    def pushed(p, inputs):
+        return Pushed(p["static"], p["kinetic"], 0.3)
 
-    both = jax.jit(jax.value_and_grad(negative))
-    start = jnp.array([1.02, 0.49, np.log(0.02)])
-    found = minimize(lambda z: [np.asarray(a) for a in both(z)], start, jac=True, method="BFGS")
-    errors = np.sqrt(np.diag(found.hess_inv))
-    off = found.x - np.array([1.0, 0.5, np.log(5e-3)])
-    assert np.all(np.abs(off) < 3.0 * errors)
-    assert np.all(errors[:2] < 0.03)
-    assert errors[2] < 0.4
+    fit = Problem(
+        pushed, lambda p, inputs: pushed(p, inputs).state(v_x=0.3),
+        {"static": 1.02, "kinetic": 0.49, "wander": 0.02},
+        {"x": Observed(lambda t, y, system: y.x, truth["noise"], "m")},
+        Record(t, {"x": x}, begin=0.0),
+        correct=KalmanFilter(
+            lambda p, inputs: pushed(p, inputs).state(d=p["wander"]),
+            lambda p, inputs: pushed(p, inputs).state(x=truth["spread"], d=0.01),
+        ),
+    ).fit()  # fmt: skip
+    assert fit.successful
+    errors = fit.standard_errors()
+    for name in fit.values:
+        assert abs(float(fit.values[name]) - truth[name]) < 3.0 * float(errors[name]), str(fit)
+    assert max(float(errors["static"]), float(errors["kinetic"])) < 0.03
+    assert float(errors["wander"]) < 0.4 * truth["wander"]
+    best = float(likelihood(truth | fit.values, t, x))
+    for name, error in errors.items():
+        for side in (-0.02, 0.02):
+            moved = {name: float(fit.values[name]) + side * float(error)}
+            assert float(likelihood(truth | fit.values | moved, t, x)) < best

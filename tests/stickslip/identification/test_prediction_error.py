@@ -1,4 +1,4 @@
-"""Innovation form with a known gain: the Kalman filter of a linear Gaussian loop, written by hand."""
+"""Innovation form: the Kalman filter of a linear loop, with a known gain and by its likelihood."""
 
 from typing import Any, ClassVar, NamedTuple
 
@@ -8,7 +8,17 @@ import scipy.linalg
 import scipy.optimize
 
 import stickslip as ss
-from stickslip.identification import MultipleShooting, Observed, Problem, Record, Unknown
+from stickslip.identification import (
+    Huber,
+    KalmanFilter,
+    LevenbergMarquardt,
+    MultipleShooting,
+    Observed,
+    Problem,
+    Record,
+    Unknown,
+    compare,
+)
 
 TRUTH = {"decay": 0.5, "gain": 1.0}
 STEP = 0.05
@@ -20,8 +30,8 @@ def steady() -> tuple[float, float, float]:
     """Variance of the process per step, gain of the steady filter, deviation of its innovations."""
     phi = np.exp(-TRUTH["decay"] * STEP)
     process = PROCESS**2 * (1.0 - phi**2) / (2.0 * TRUTH["decay"])
-    square = [np.array([[value]]) for value in (phi, 1.0, process, SENSOR**2)]
-    p = scipy.linalg.solve_discrete_are(*square)[0, 0]
+    a, b, q, r = (np.array([[value]]) for value in (phi, 1.0, process, SENSOR**2))
+    p = scipy.linalg.solve_discrete_are(a, b, q, r)[0, 0]
     return process, p / (p + SENSOR**2), np.sqrt(p + SENSOR**2)
 
 
@@ -127,3 +137,96 @@ def test_noise_within_the_motion_does_not_bias_the_fit():
     mean, error = told["simulation"]
     assert np.max(np.abs(mean) / error) > 5.0, told
     assert np.max(np.abs(mean)) > 0.2, told
+
+
+def filtered(speed, command, spread=0.2):
+    """Problem whose density of the noise in the motion is an unknown."""
+    times = STEP * np.arange(speed.size)
+    return Problem(
+        lambda p, inputs: Lag(p["decay"], TRUTH["gain"], inputs["command"]),
+        lambda p, inputs: Speed(0.0), {"decay": 0.6, "density": 0.2},
+        {"v": Observed(lambda t, y, system: y.v, SENSOR, "m/s")},
+        Record(times, {"v": speed}, inputs={"command": command}, missing="nan"),
+        integrator=ss.Integrator("tsit5", ss.AdaptiveStep(1e-9, 1e-9)),
+        correct=KalmanFilter(lambda p, inputs: Speed(p["density"]), lambda p, inputs: Speed(spread)),
+    )  # fmt: skip
+
+
+def by_hand(decay, density, speed, command, spread=0.2):
+    """Innovations of the filter of Kalman with their standard deviations, in closed form."""
+    phi = np.exp(-decay * STEP)
+    noise = density**2 * (1.0 - phi**2) / (2.0 * decay)
+    v, p, off, sizes = 0.0, spread**2, [], []
+    for y, u in zip(speed, command, strict=True):
+        if np.isfinite(y):
+            off.append(y - v)
+            sizes.append(np.sqrt(p + SENSOR**2))
+            v, p = v + p / sizes[-1] ** 2 * off[-1], p * SENSOR**2 / sizes[-1] ** 2
+        v, p = phi * v + TRUTH["gain"] / decay * (1.0 - phi) * u, phi**2 * p + noise
+    return np.array(off), np.array(sizes)
+
+
+def test_half_the_sum_of_squares_is_the_likelihood_and_its_curvature_that_of_fisher():
+    """Two records of unlike lengths, with values missing, and an input that jumps."""
+    speed, command = logged(3, 30)
+    speed[[7, 8, 20]] = np.nan
+    times = STEP * np.arange(30)
+    rows = [
+        Record(times[:n], {"v": speed[:n]}, inputs={"command": command[:n]}, missing="nan", name=str(n))
+        for n in (12, 30)
+    ]
+    given = filtered(speed, command).with_records(rows)
+
+    def parts(decay, density):
+        both = [by_hand(decay, density, speed[:n], command[:n]) for n in (12, 30)]
+        off, sizes = (np.concatenate(part) for part in zip(*both, strict=True))
+        return np.stack([-off / sizes, np.log(sizes / SENSOR)])
+
+    for p in ((0.5, 0.3), (0.9, 0.0001)):
+        white, logs = parts(*p)
+        row = np.asarray(given.residual({"decay": p[0], "density": p[1]}))
+        np.testing.assert_allclose(row[: white.size], white, rtol=0, atol=1e-7)
+        assert np.sum(row**2) == pytest.approx(np.sum(white**2) + np.sum(1.0 + 2.0 * logs), rel=1e-9)
+    # Of the fit, in logarithms of the unknowns.
+    fit = given.fit()
+    z, h = np.log([float(fit.values[name]) for name in ("decay", "density")]), 1e-5
+    moved = [parts(*np.exp(z + h * e)) - parts(*np.exp(z - h * e)) for e in np.eye(2)]
+    slopes = np.array(moved).reshape(2, -1) / (2.0 * h)
+    matrix = np.asarray(fit.sensitivity.matrix)
+    np.testing.assert_allclose(matrix.T @ matrix, slopes @ slopes.T, rtol=1e-5)
+    white, logs = parts(*np.exp(z))
+    slope = slopes @ np.concatenate([white, np.ones(logs.size)])
+    np.testing.assert_allclose(slope, 0.0, atol=1e-3)
+    size, logs = np.sum(white**2), 2.0 * np.sum(logs)
+    assert float(fit.log_spread) == pytest.approx(logs, abs=1e-6)
+    assert float(fit.reduced_chi_squared) == pytest.approx(size / (white.size - 2), rel=1e-6)
+    assert compare({"a": fit}).table["aic"][0] - 2 * 2 == pytest.approx(size + logs, abs=1e-6)
+    for part in given.parts(fit.data_residual).values():
+        assert part["v"][1].size in (10, 27)
+
+
+def test_a_robust_loss_has_no_likelihood():
+    speed, command = logged(3, 30)
+    with pytest.raises(ValueError, match=r"loss = .*: it must be None where a KalmanFilter corrects"):
+        filtered(speed, command).fit(method=LevenbergMarquardt(loss=Huber()))
+
+
+@pytest.mark.slow
+def test_how_fast_a_motion_wanders_is_found_with_an_interval():
+    """Coverage of both intervals over 200 records, of the stated and of the robust errors."""
+    program, held = None, np.zeros((2, 2))
+    for seed in range(200):
+        rng = np.random.default_rng(10_000 + seed)
+        phi, v, rows = np.exp(-0.5 * STEP), 0.2 * rng.normal(), []
+        command = np.where(np.sin(1.3 * STEP * np.arange(400)) > 0.0, 0.5, -0.5)
+        for u in command:
+            rows.append(v + SENSOR * rng.normal())
+            v = phi * v + 2.0 * (1.0 - phi) * u + np.sqrt(VARIANCE) * rng.normal()
+        record = Record(STEP * np.arange(400), {"v": np.array(rows)}, inputs={"command": command})
+        program = filtered(np.array(rows), command) if program is None else program
+        fit = program.with_records(record).fit()
+        for i, robust in enumerate((False, True)):
+            for j, (name, truth) in enumerate({"decay": 0.5, "density": PROCESS}.items()):
+                value, error = float(fit.values[name]), float(fit.standard_errors(robust)[name])
+                held[i, j] += abs(np.log(value / truth)) < 1.96 * error / value
+    assert np.all((held > 180) & (held < 200)), held  # 190 less or more three standard deviations
