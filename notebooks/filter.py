@@ -138,8 +138,8 @@ assert inside.mean() > 0.95
 # %% [markdown]
 # ## Parameters and noise from the same record
 #
-# The likelihood of the record has derivatives by everything that stands in `track`, by the noise too. In
-# a `Problem` it is what a fit maximises: friction comes with an interval that knows of the drift.
+# The likelihood of the record has derivatives by everything that stands in `track`, by the noise too.
+# In a `Problem` it is what a fit maximises: friction comes with an interval that knows of the drift.
 
 # %%
 fit = Problem(
