@@ -17,7 +17,7 @@ from ._reading import encoder_reading as encoder_reading
 from ._reading import reading_noise as reading_noise
 from ._reset import Reset as Reset
 from ._reset import ResetPID as ResetPID
-from ._shaper import ZeroVibration as ZeroVibration
+from ._shaper import InputShaper as InputShaper
 from ._with_controller import Commanded as Commanded
 from ._with_controller import Controlled as Controlled
 from ._with_controller import Ramp as Ramp

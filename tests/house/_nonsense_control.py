@@ -45,12 +45,17 @@ TARGETS = [
     ),
     Target(control.FirstOrderHold, {"controller": UPDATE, "period": arg(0.1, *POSITIVE)}),
     Target(
-        control.ZeroVibration,
+        control.InputShaper,
         {
+            "kind": arg("ZV"),
             "reference": arg(lambda t, args: (t, 1.0), "finite", "float32", "function"),
             "omega": arg(1.0, *POSITIVE),
             "damping": arg(0.1, "zero", "float32", "row"),
         },
+    ),
+    Target(
+        control.InputShaper(0.0, "EI", 1.0).residual,
+        {"omega": arg(1.0, "reals"), "damping": arg(0.1, "zero", "float32", "row")},
     ),
     Target(control.encoder_reading, {"x": arg(0.1, "reals"), "quantum": arg(0.1, *ONE)}),
     Target(

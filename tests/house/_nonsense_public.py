@@ -79,7 +79,7 @@ EXEMPT_METHODS = {
             "Jenkins.bounds", "LinearStructure.initial_mode",
             "PID.__call__", "Cascade.__call__", "ResetPID.__call__",
             "FrictionFeedforward.__call__", "DisturbanceObserver.__call__",
-            "ZeroVibration.__call__", "FirstOrderHold.__call__",
+            "InputShaper.__call__", "FirstOrderHold.__call__",
         ),
         CALLED_BY_ENGINE,
     ),

@@ -13,9 +13,9 @@ from stickslip.control import (
     Cascade,
     DisturbanceObserver,
     FrictionFeedforward,
+    InputShaper,
     ResetPID,
     WithController,
-    ZeroVibration,
     encoder_reading,
     reading_noise,
 )
@@ -146,7 +146,7 @@ def test_a_disturbance_observer_takes_a_force_away():
 def test_a_shaped_reference_leaves_no_vibration(damping):
     """A mass behind a spring whose end jumps: at rest for good as soon as the reference is."""
     omega = 7.0
-    step = ZeroVibration(lambda t, args: (jnp.where(t >= 0.05, 1.0, 0.0), 0.0), omega, damping)
+    step = InputShaper(lambda t, args: (jnp.where(t >= 0.05, 1.0, 0.0), 0.0), "ZV", omega, damping)
     half = np.pi / (omega * np.sqrt(1.0 - damping**2))
 
     class Spring(ss.AbstractSmoothSystem):
@@ -160,6 +160,33 @@ def test_a_shaped_reference_leaves_no_vibration(damping):
     run = ss.simulate(loaded, 0.0, 0.05 + half, loaded.start(Motion(0.0, 0.0)))
     assert float(run.y1.y.x) == pytest.approx(1.0, abs=1e-9)
     assert float(run.y1.y.v) == pytest.approx(0.0, abs=1e-8)
+
+
+RANGES = {
+    "ZV": (0.968, 1.032), "MZV": (0.951, 1.055), "ZVD": (0.856, 1.144), "EI": (0.8, 1.2),
+    "2HUMP_EI": (0.638, 1.362),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", RANGES)
+def test_what_a_shaper_leaves_is_the_sum_of_its_steps(kind):
+    """In complex amplitudes, of a machine that it knows and of others; the published ranges of 5%."""
+    shaper, omega = InputShaper(0.0, kind, 7.0, 0.1), np.array([4.0, 7.0, 9.0])
+    assert float(np.sum(shaper.amplitudes)) == pytest.approx(1.0, abs=1e-15)
+    rate = omega * (-0.02 + 1j * np.sqrt(1.0 - 0.02**2))
+    left = np.zeros(3, complex)
+    for part, since in zip(shaper.amplitudes, shaper.times[-1] - shaper.times, strict=True):
+        left += float(part) * np.exp(rate * float(since))
+    np.testing.assert_allclose(shaper.residual(omega, 0.02), np.abs(left), rtol=1e-12)
+    place = shaper(0.0, None)[0]
+    assert float(place) == 0.0
+    low, high = RANGES[kind]
+    plain = InputShaper(0.0, kind, 1.0)
+    assert np.all(plain.residual(np.linspace(low + 5e-4, high - 5e-4, 400)) <= 0.05 + 1e-12)
+    assert np.all(plain.residual(np.array([low - 1e-3, high + 1e-3])) > 0.05)
+    assert float(plain.residual(1.0)) == pytest.approx(0.05 if kind == "EI" else 0.0, abs=1e-12)
+    knows = float(shaper.residual(7.0, 0.1))
+    assert knows == pytest.approx(0.0, abs=1e-12) if kind in ("ZV", "ZVD", "MZV") else knows < 0.06
 
 
 def test_readings():

@@ -131,6 +131,40 @@ def test_rules_of_their_own_hide_no_bend():
     assert not left
 
 
+class Between(ss.AbstractSmoothSystem):
+    """A mass at 1 m between two strings with a preload, each written down twice."""
+
+    damping: Any = 0.0
+
+    def pulls(self, x):
+        return ss.positive_part(20.0 - 7e4 * x), ss.positive_part(20.0 + 3e4 * x)
+
+    def vector_field(self, t, y, mode, args):
+        right, left = self.pulls(y.x - 1.0 + self.damping * y.v)
+        again = self.pulls(y.x - 1.0)
+        return Motion(x=y.v, v=right - left + 1e-6 * (again[0] ** 2 - again[1] ** 2))
+
+    def energy(self, y):
+        parts = zip(self.pulls(y.x - 1.0), (7e4, 3e4), strict=True)
+        return 0.5 * y.v**2 + sum((0.5 * f**2 + 1e-6 / 3.0 * f**3) / k for f, k in parts)
+
+
+def test_two_bends_at_one_place_are_passed_together():
+    """The hop from one to the other is lost in the rounding of the state: neither is met again."""
+    system, most = Between(), ss.Integrator("dop853", ss.AdaptiveStep(1e-11, 1e-13), max_steps=20_000)
+    v = np.random.default_rng(0).uniform(-0.4, 0.4, 20)
+
+    @jax.jit
+    @jax.vmap
+    def ends(v):
+        run = ss.simulate(system, 0.0, 0.5, Motion(1.0, v), integrator=most, throw=False)
+        return run.result == ss.RESULTS.successful, run.y1
+
+    good, end = ends(v)
+    assert np.all(good)
+    np.testing.assert_allclose(jax.vmap(system.energy)(end), system.energy(Motion(1.0, v)), rtol=1e-9)
+
+
 class Cliff(ss.AbstractSmoothSystem):
     """A constant pull that is another one below zero."""
 
