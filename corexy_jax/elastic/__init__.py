@@ -4,3 +4,6 @@ from ._belts import Belts as Belts
 from ._belts import Frame as Frame
 from ._belts import Spans as Spans
 from ._machine import ElasticCoreXY as ElasticCoreXY
+from ._resonances import Resonances as Resonances
+from ._resonances import resonances as resonances
+from ._stepper import Stepper as Stepper

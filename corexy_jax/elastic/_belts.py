@@ -6,7 +6,16 @@ import equinox as eqx
 from jaxtyping import Array, Float
 
 from stickslip import positive_part
-from stickslip.checks import Numeric, as_parameter, check_nonnegative, check_positive
+from stickslip.checks import (
+    Given,
+    Numeric,
+    as_parameter,
+    check_nonnegative,
+    check_positive,
+    check_type,
+)
+
+from .._arguments import finite
 
 SPAN_NAMES = ("1a", "1b", "2a", "2b")
 
@@ -58,6 +67,7 @@ class Frame(eqx.Module):
 
     def lengths(self, x: Numeric, y: Numeric) -> Spans:
         """Lengths of the spans [m] with the machine at `x`, `y` [m]."""
+        x, y = finite(x=x, y=y)
         x, y = self.x + x, self.y + y
         around = self.width + self.depth
         return Spans(around - x - y, around + x + y, around + self.width - x + y, self.depth + x - y)
@@ -90,8 +100,8 @@ class Belts(eqx.Module):
     EA_2: Float[Array, "..."]
     retardation: Float[Array, "..."]
 
-    def __init__(self, frame: Frame, EA_1: Numeric, EA_2: Numeric, retardation: Numeric = 0.0):
-        self.frame = frame
+    def __init__(self, frame: Given[Frame], EA_1: Numeric, EA_2: Numeric, retardation: Numeric = 0.0):
+        self.frame = check_type("frame", frame, Frame, "a Frame")
         self.EA_1 = as_parameter(check_positive("EA_1", EA_1))
         self.EA_2 = as_parameter(check_positive("EA_2", EA_2))
         self.retardation = as_parameter(check_nonnegative("retardation", retardation))

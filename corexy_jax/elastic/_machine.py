@@ -5,10 +5,11 @@ from typing import Any, ClassVar
 
 from jaxtyping import PyTree
 
-from stickslip.checks import Given, Numeric, check_type, refusal
+from stickslip.checks import Given, Numeric, as_parameter, check_callable, check_type, with_components
 from stickslip.friction import AbstractFrictionLaw, Coulomb
 from stickslip.mechanism import AbstractMechanism, Contact
 
+from .._arguments import finite
 from .._contacts import DIRECTIONS, contact_loads, line_masses
 from .._parameters import CoreXYParameters
 from ._belts import Belts, Spans
@@ -20,6 +21,11 @@ Drive = Callable[[Any, tuple, tuple, PyTree], tuple[Any, Any]]
 def no_torque(t: Any, angles: Any, speeds: Any, args: Any) -> tuple[float, float]:
     """Motors without current."""
     return 0.0, 0.0
+
+
+def stretch(q: Any) -> tuple[Any, Any]:
+    """Stretch of both belts [m] at coordinates, or its rate [m/s] at velocities."""
+    return q.one - (q.x + q.y), q.two - (q.x - q.y)
 
 
 class ElasticCoreXY(AbstractMechanism):
@@ -67,9 +73,9 @@ class ElasticCoreXY(AbstractMechanism):
         p = check_type("parameters", parameters, CoreXYParameters, "CoreXYParameters")
         self.parameters = p
         self.belts = check_type("belts", belts, Belts, "Belts")
-        if not callable(drive):
-            raise refusal("drive", drive, "callable as drive(t, angles, speeds, args)", TypeError)
-        self.drive = drive
+        nothing = 0.0, 0.0
+        call = "drive(t, angles, speeds, args)"
+        self.drive = check_callable("drive", drive, call, 0.0, nothing, nothing, None)
         law = Coulomb(p.mu_s, p.mu_k) if law is None else law
         self.law = check_type("law", law, AbstractFrictionLaw, "a friction law")
 
@@ -80,7 +86,7 @@ class ElasticCoreXY(AbstractMechanism):
         turn = 1.0 / self.parameters.r
         torques = self.drive(t, (q.one * turn, q.two * turn), (v.one * turn, v.two * turn), args)
         one, two, (along, against) = self.belts.forces(
-            self.parameters, q.x, q.y, self.stretch(q), self.stretch(v)
+            self.parameters, q.x, q.y, stretch(q), stretch(v)
         )
         return {
             "x": one + along + two + against, "y": one + along - two - against,
@@ -92,18 +98,14 @@ class ElasticCoreXY(AbstractMechanism):
         return {name: Contact(self.law, loads[i]) for i, name in enumerate(GROUND)}
 
     def potential_energy(self, q):
-        return self.belts.energy(self.parameters, q.x, q.y, self.stretch(q))
-
-    @staticmethod
-    def stretch(q: Any) -> tuple[Any, Any]:
-        """Stretch of both belts [m] at coordinates, or its rate [m/s] at velocities."""
-        return q.one - (q.x + q.y), q.two - (q.x - q.y)
+        return self.belts.energy(self.parameters, q.x, q.y, stretch(q))
 
     def at(self, x: Numeric = 0.0, y: Numeric = 0.0) -> PyTree:
         """The state at rest at a position [m], with belts that are not stretched."""
+        x, y = (as_parameter(a) for a in finite(x=x, y=y))
         return self.state(x=x, y=y, one=x + y, two=x - y)
 
     def tensions(self, y: PyTree) -> Spans:
         """Tension of each span [N] in a state, 0 where it is slack."""
-        q, v = self.to_coordinates(y)
-        return self.belts.tensions(self.parameters, q.x, q.y, self.stretch(q), self.stretch(v))
+        q, v = self.to_coordinates(with_components("y", y, tuple(self.units)))
+        return self.belts.tensions(self.parameters, q.x, q.y, stretch(q), stretch(v))

@@ -1,12 +1,14 @@
 """Frequencies and shapes of the vibrations of an elastic CoreXY, in closed form."""
 
+import functools
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from stickslip.checks import Given, Numeric, check_nonnegative, check_type
+from stickslip.checks import Given, Numeric, check_between, check_type
 
 from .._arguments import finite, the_machine
 from .._contacts import line_masses
@@ -54,28 +56,24 @@ def resonances(
     """
     p = the_machine(parameters, "parameters")
     check_type("belts", belts, Belts, "Belts")
-    x, y = (jnp.asarray(a, jnp.float64) for a in finite(x=x, y=y))
-    holding = jnp.asarray(check_nonnegative("holding", holding, infinite=True), jnp.float64)
-    x, y, holding = jnp.broadcast_arrays(x, y, holding)
-    mass = line_masses(p)
-    free = jnp.isfinite(holding)
-    turning = jnp.where(free, 1.0 / mass.one, 0.0)
-    inverse = jnp.stack(
-        [jnp.full_like(x, 1.0 / mass.x), jnp.full_like(x, 1.0 / mass.y), turning, turning], -1
-    )
-    held = jnp.where(free, holding, 0.0) / p.r**2
-    nothing = jnp.zeros_like(held)
-    springs = jnp.stack([nothing, nothing, held, held], -1)[..., None, :] * jnp.eye(4)
-    k = jnp.stack([jnp.broadcast_to(a, x.shape) for a in belts.stiffness(x, y)], -1)
-    elastic = jnp.einsum("...i,ij,ik->...jk", k, STRETCH, STRETCH)
-    root = jnp.sqrt(inverse)
-    both = root[..., :, None] * root[..., None, :]
-    squares, columns = jnp.linalg.eigh(both * (elastic + springs))
+    finite(x=x, y=y)
+    check_between("holding", holding, 0, jnp.inf)
+    given = (jnp.asarray(a, jnp.float64) for a in (x, y, holding))
+    return Resonances(*_vibrations(p, belts, *given))
+
+
+@jax.jit
+@functools.partial(jnp.vectorize, excluded={0, 1}, signature="(),(),()->(m),(m),(m,c)")
+def _vibrations(p: CoreXYParameters, belts: Belts, x: Array, y: Array, holding: Array) -> tuple:
+    """Frequencies, damping and shapes at one position."""
+    mass, free = line_masses(p), jnp.isfinite(holding)
+    root = jnp.sqrt(1.0 / jnp.stack(mass)) * jnp.where(jnp.array([True, True, free, free]), 1.0, 0.0)
+    held = jnp.where(free, holding, 0.0) / p.r**2 * jnp.array([0.0, 0.0, 1.0, 1.0])
+    stretch = jnp.asarray(STRETCH) * root[None, :]
+    elastic = stretch.T @ (jnp.stack(belts.stiffness(x, y))[:, None] * stretch)
+    squares, columns = jnp.linalg.eigh(elastic + jnp.diag(held * root**2))
     # Those of rigid motions are rounding.
-    least = 1e-12 * squares[..., -1:]
-    omega = jnp.sqrt(jnp.where(squares > least, squares, 0.0))
-    rows = jnp.swapaxes(columns, -1, -2)
-    loss = jnp.einsum("...ij,...jk,...ik->...i", rows, both * elastic, rows) * belts.retardation
-    moving = omega > 0.0
-    damping = jnp.where(moving, 0.5 * loss / jnp.where(moving, omega, 1.0), 0.0)
-    return Resonances(omega / (2.0 * jnp.pi), damping, rows * root[..., None, :])
+    omega = jnp.sqrt(jnp.where(squares > 1e-12 * squares[-1], squares, 0.0))
+    loss = jnp.sum(columns * (elastic @ columns), axis=0) * belts.retardation
+    damping = jnp.where(omega > 0.0, 0.5 * loss / jnp.where(omega > 0.0, omega, 1.0), 0.0)
+    return omega / (2.0 * jnp.pi), damping, columns.T * root[None, :]

@@ -107,10 +107,10 @@ class InputShaper(eqx.Module):
         **Arguments:** `omega` [rad/s] and `damping` of the machine, numbers or arrays that broadcast.
         **Raises** `TypeError`, `ValueError` for anything else.
         """
-        omega, damping = jnp.broadcast_arrays(
-            reals(self, "omega", omega), reals(self, "damping", damping)
-        )
         check_between("damping", damping, 0, 0.999999)
+        omega, damping = jnp.broadcast_arrays(
+            *(jnp.asarray(reals(self, *a)) for a in (("omega", omega), ("damping", damping)))
+        )
         real = imaginary = jnp.zeros_like(omega)
         for part, time in zip(self.amplitudes, self.times - self.times[-1], strict=True):
             part, turn = (

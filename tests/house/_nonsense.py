@@ -58,6 +58,7 @@ from tests.house import (
     _nonsense_basin,
     _nonsense_continuation,
     _nonsense_control,
+    _nonsense_elastic,
     _nonsense_engine,
     _nonsense_estimation,
     _nonsense_identification,
@@ -86,6 +87,7 @@ TARGETS: list[Target] = [
     *_nonsense_control.TARGETS,
     *_nonsense_estimation.TARGETS,
     *_nonsense_basin.TARGETS,
+    *_nonsense_elastic.TARGETS,
 ]
 OURS = tuple(str(pathlib.Path(m.__file__).parent) + os.sep for m in (stickslip, corexy_jax))
 LIMIT = 2.0  # s of the processor, so that a busy machine does not count

@@ -10,7 +10,7 @@ PACKAGES = (
     "stickslip.basin",
     "stickslip.analysis", "stickslip.continuation", "stickslip.identification", "stickslip.hybrid",
     "stickslip.plot",
-    "corexy_jax",
+    "corexy_jax", "corexy_jax.elastic",
 )  # fmt: skip
 RETURNED = "returned to users, not made by them"
 EXEMPT = {
@@ -106,6 +106,7 @@ EXEMPT_METHODS = {
         (
             "CoreXY.carriage_rests", "CoreXY.dmn", "CoreXY.energy", "CoreXY.initial_mode",
             "CoreXY.line_drive", "CoreXY.line_velocities", "CoreXY.mode_of", "CoreXY.motion_together",
+            "Belts.energy", "Belts.tensions", "Stepper.__call__",
             "CoreXY.powers", "CoreXY.slips", "CoreXY.states", "CoreXY.torques",
         ),
         "parts of the machine's vector field, called inside of its programs",

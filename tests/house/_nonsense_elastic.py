@@ -1,0 +1,78 @@
+"""Right arguments of the elastic CoreXY."""
+
+import numpy as np
+
+import corexy_jax as cx
+from corexy_jax import elastic
+from tests.house._nonsense_engine import ARGS
+from tests.house._nonsense_laws import FINITE, NOT_NEGATIVE, POSITIVE
+from tests.house._nonsense_target import Target, arg
+
+
+def command(t, args):
+    return (0.0, 0.0), (0.0, 0.0)
+
+
+PARAMETERS, FRAME = cx.CoreXYParameters(), elastic.Frame(0.4, 0.4)
+BELTS = elastic.Belts(FRAME, 1e4, 1e4)
+MACHINE = elastic.ElasticCoreXY(PARAMETERS, BELTS)
+STEPPER = elastic.Stepper(command, 1.0, 0.05)
+STATE = MACHINE.at()
+PLACE = {"x": arg(0.1, *FINITE), "y": arg(0.1, *FINITE)}
+ANGLES = {"t": arg(0.1, *FINITE), "angles": arg((0.0, 0.0), "pair"), "args": ARGS}
+TARGETS = [
+    Target(
+        elastic.Frame,
+        {
+            "width": arg(0.4, *POSITIVE),
+            "depth": arg(0.4, *POSITIVE),
+            "x": arg(0.1, "none", *POSITIVE),
+            "y": arg(0.1, "none", *POSITIVE),
+        },
+    ),
+    Target(elastic.Frame.lengths, PLACE, FRAME.lengths),
+    Target(
+        elastic.Belts,
+        {
+            "frame": arg(FRAME),
+            "EA_1": arg(1e4, *POSITIVE),
+            "EA_2": arg(1e4, *POSITIVE),
+            "retardation": arg(1e-3, *NOT_NEGATIVE),
+        },
+    ),
+    Target(elastic.Belts.stiffness, PLACE, BELTS.stiffness),
+    Target(
+        elastic.ElasticCoreXY,
+        {
+            "parameters": arg(PARAMETERS),
+            "belts": arg(BELTS),
+            "drive": arg(lambda t, angles, speeds, args: (0.0, 0.0), "function"),
+            "law": arg(None, "none"),
+        },
+    ),
+    Target(elastic.ElasticCoreXY.at, PLACE, MACHINE.at),
+    Target(elastic.ElasticCoreXY.tensions, {"y": arg(STATE)}, MACHINE.tensions),
+    Target(
+        elastic.resonances,
+        {
+            "parameters": arg(PARAMETERS),
+            "belts": arg(BELTS),
+            **PLACE,
+            "holding": arg(np.inf, "infinite", *NOT_NEGATIVE),
+        },
+    ),
+    Target(
+        elastic.Stepper,
+        {
+            "path": arg(command, "function"),
+            "torque": arg(1.0, *POSITIVE),
+            "r": arg(0.05, *POSITIVE),
+            "detent": arg(0.0, *NOT_NEGATIVE),
+            "damping": arg(0.0, *NOT_NEGATIVE),
+            "steps": arg(200),
+        },
+    ),
+    Target(elastic.Stepper.lags, ANGLES, STEPPER.lags),
+    Target(elastic.Stepper.lost_steps, ANGLES, STEPPER.lost_steps),
+    Target(elastic.Stepper.angles, {k: ANGLES[k] for k in ("t", "args")}, STEPPER.angles),
+]
