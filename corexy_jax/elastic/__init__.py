@@ -7,3 +7,5 @@ from ._machine import ElasticCoreXY as ElasticCoreXY
 from ._resonances import Resonances as Resonances
 from ._resonances import resonances as resonances
 from ._stepper import Stepper as Stepper
+from ._trajectory import Trajectory as Trajectory
+from ._trajectory import trajectory as trajectory
