@@ -3,6 +3,8 @@
 from ._belts import Belts as Belts
 from ._belts import Frame as Frame
 from ._belts import Spans as Spans
+from ._gcode import Moves as Moves
+from ._gcode import read_gcode as read_gcode
 from ._machine import ElasticCoreXY as ElasticCoreXY
 from ._resonances import Resonances as Resonances
 from ._resonances import resonances as resonances

@@ -292,9 +292,15 @@ def _assemble(plan: Plan, problem, t0, t1, start, ts, smooth, counts, capacities
     def slope(t, y, mode):
         return system.vector_field(t, y, mode, args)
 
+    def settle(t, y, mode, valid):
+        moved = system.settled(t, y, jnp.maximum(mode, 0), args)
+        return y if moved is y else select(valid & (mode >= 0), moved, y)
+
     def land(t, target, y, mode, valid):
         y = shift(y, stop_gradient(slope(t, y, mode)), jnp.where(valid, target - t, 0.0))
-        return y, slope(jnp.where(valid, target, t), y, mode)
+        t = jnp.where(valid, target, t)
+        y = settle(t, y, mode, valid)
+        return y, slope(t, y, mode)
 
     y1, dy1 = land(t_end, t1, y_end, counts.mode, finished)
     flags = counts.flags
@@ -331,8 +337,10 @@ def _assemble(plan: Plan, problem, t0, t1, start, ts, smooth, counts, capacities
     steps = None
     if capacities.steps is not None:
         rows, count = logs.steps, jnp.minimum(counts.steps, capacities.steps)
-        dy = jax.vmap(slope)(rows.t, rows.y, rows.mode)
-        steps = _state_log(count, rows.t, rows.y, dy, rows.mode, capacities.steps)
+        kept = jnp.arange(capacities.steps, dtype=jnp.int32) < count
+        y = jax.vmap(settle)(rows.t, rows.y, rows.mode, kept)
+        dy = jax.vmap(slope)(rows.t, y, rows.mode)
+        steps = _state_log(count, rows.t, y, dy, rows.mode, capacities.steps)
     events = None
     if capacities.events is not None:
         count = jnp.minimum(counts.events, capacities.events)

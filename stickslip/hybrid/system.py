@@ -198,6 +198,14 @@ class AbstractHybridSystem(AbstractShown):
         """
         return None
 
+    def settled(self, t: Numeric, y: PyTree, mode: Whole, args: PyTree) -> PyTree:
+        """The state moved by its error onto what `mode` holds; by default as it is.
+
+        Results are handed out so: what sticks on a surface that moves has the speed of that, not of
+        its steps, and a run that goes on from there finds it at rest.
+        """
+        return y
+
     @abc.abstractmethod
     def vector_field(self, t: Numeric, y: PyTree, mode: Whole, args: PyTree) -> PyTree:
         """Time derivative of the state in `mode`, with the structure of `y` [unit of y per s]."""

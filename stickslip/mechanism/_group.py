@@ -313,6 +313,20 @@ class AbstractContactGroup(AbstractSearched, abc.ABC):
         some = any_of(still)
         return [where(some, x + d, x) for x, d in zip(v, change, strict=True)]
 
+    def to_closed(self, here: LocalInstant, still: NumberRow) -> list[Any]:
+        """The least change of the coordinates by the inertia that makes the gaps of closed stops 0."""
+        k = self.contacts
+        closed = self.row([x & (i >= k) for i, x in enumerate(still)])
+        gaps = [0.0] * k + [times(-1.0, stop.stop.gap) for stop in here.stops]
+        gaps = [where(x, g, 0.0) for x, g in zip(closed, gaps, strict=True)]
+        none = [jnp.zeros(()) for _ in self.columns]
+        change = self.motion(here.mass, none, here.lines, closed, gaps).acceleration
+        return [where(any_of(closed), x, 0.0) for x in change]
+
+    def still_in(self, own: NumberRow) -> NumberRow:
+        """Which contacts and stops are at rest in these states."""
+        return each(lambda s: s == 0.0, own)
+
     def decides(self, rests: Any, n: Any) -> Any:
         """Whether a resting contact decides the velocity that its direction has the entry `n` for."""
         return rests

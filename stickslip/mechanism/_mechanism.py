@@ -39,7 +39,7 @@ from ._moment import touching
 from ._observables import AbstractWithObservables
 from ._rows import NumberRow
 from ._scalars import Mass, times, total
-from ._verbs import accelerations, guards, initial_states, transition
+from ._verbs import accelerations, guards, initial_states, settled, transition
 
 
 class AbstractMechanism(AbstractWithObservables):
@@ -242,6 +242,10 @@ class AbstractMechanism(AbstractWithObservables):
         others = len(self.guard_names) > now.structure.guards.many
         q, v, states, failed = transition(now, self.states(mode), guard, others)
         return self.from_coordinates(q, v), self._mode_of(states, failed)
+
+    def settled(self, t, y, mode, args):
+        found = settled(self._moment(t, y, args), self.states(mode))
+        return y if found is None else self.from_coordinates(*found)
 
     @check_arguments(t=reals, y=some_state)
     def initial_mode(self, t, y, args):

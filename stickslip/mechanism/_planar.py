@@ -88,6 +88,9 @@ class PlanarContact(AbstractContactGroup):
     def motion(self, M, F, J, rest, gamma):
         return self.plain.motion(M, F, J, rest, gamma)
 
+    def still_in(self, own):
+        return _both((own[0] == 0.0) & (own[1] == 0.0))
+
     def decides(self, rests, n):
         return self.plain.decides(rests, n)
 

@@ -26,6 +26,23 @@ def accelerations(now: Moment, states: Any) -> list[Any]:
     return a
 
 
+def settled(now: Moment, states: Any) -> tuple[Any, Any] | None:
+    """Coordinates and velocities at which what rests on a surface that moves or turns is there, and has
+    its speed, nearest by the inertia; None where there is no such surface."""
+    q, v, drifts = list(now.at.q), list(now.at.v), False
+    for group in now.structure.contact_groups:
+        here = now.of(group)
+        if not here.drifts:
+            continue
+        drifts, still = True, group.still_in(group.own_states(states))
+        for j, x in zip(group.columns, group.at_rest(here, still), strict=True):
+            v[j] = x
+        if group.stops:
+            for j, x in zip(group.columns, group.to_closed(here, still), strict=True):
+                q[j] = q[j] + x
+    return (type(now.at.q)(*q), type(now.at.v)(*v)) if drifts else None
+
+
 def held_forces(now: Moment, states: Any) -> list[Any]:
     """Force in each contact and each stop if it is at rest [N]."""
     held: list[Any] = [0.0] * len(states)

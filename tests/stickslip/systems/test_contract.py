@@ -185,3 +185,16 @@ def test_batched_equals_a_loop_and_slopes_are_finite(name):
         y, count = single(factor)
         np.testing.assert_allclose(batched[i], y, rtol=1e-12, atol=1e-12)
         assert [int(c[i]) for c in counts] == [int(c) for c in count]
+
+
+@pytest.mark.more
+@every_case
+def test_a_run_that_goes_on_without_its_mode_finds_it(name):
+    """At every step but those at events, where a contact is on the border of two modes."""
+    system, found = ledger(CASES[name].system), history(name)
+    t, y, mode = rows(found.steps.count, (found.steps.t, found.steps.y, found.steps.mode))
+    events = rows(found.num_events, found.events.t)
+    apart = np.min(np.abs(t[:, None] - events[None]), axis=1) > 1e-9 * t[-1]
+    again = jax.jit(jax.vmap(lambda t, y: system.initial_mode(t, y, None)))(t, y)
+    assert np.sum(apart) > 5
+    np.testing.assert_array_equal(np.asarray(again)[apart], mode[apart])
