@@ -33,6 +33,7 @@ PACKAGES = (
     "stickslip.fastmath",
     "stickslip.show",
     "corexy_jax",
+    "corexy_jax.elastic",
 )
 # Of those that packages built on this one need, and no user: shown when they are asked for.
 FOR_BUILDERS = ("stickslip.checks", "stickslip.fastmath", "stickslip.show")

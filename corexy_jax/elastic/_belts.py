@@ -16,6 +16,7 @@ from stickslip.checks import (
 )
 
 from .._arguments import finite
+from .._parameters import CoreXYParameters
 
 SPAN_NAMES = ("1a", "1b", "2a", "2b")
 
@@ -111,40 +112,41 @@ class Belts(eqx.Module):
         one_a, one_b, two_a, two_b = self.frame.lengths(x, y)
         return self.EA_1 * (1.0 / one_a + 1.0 / one_b), self.EA_2 * (1.0 / two_a + 1.0 / two_b)
 
-    def tensions(self, p: Any, x: Numeric, y: Numeric, stretch: Any, rate: Any = (0.0, 0.0)) -> Spans:
-        """Tension of each span [N], 0 where it is slack.
 
-        **Arguments:** `p`, the machine's parameters; the position [m]; the `stretch` of both belts [m]
-        and its `rate` [m/s].
-        """
-        lengths = self.frame.lengths(x, y)
-        one, two = (e + self.retardation * v for e, v in zip(stretch, rate, strict=True))
-        pulls = (self.EA_1 * one, -self.EA_1 * one, self.EA_2 * two, -self.EA_2 * two)
-        preload = (p.P1, p.P1, p.P2, p.P2)
-        parts = zip(preload, pulls, lengths, strict=True)
-        return Spans(*(positive_part(P + pull / length) for P, pull, length in parts))
+def span_tensions(
+    belts: Belts, p: CoreXYParameters, x: Any, y: Any, stretch: tuple, rate: tuple = (0.0, 0.0)
+) -> Spans:
+    """Tension of each span [N], 0 where it is slack: at a position [m], by the `stretch` of both belts
+    [m] and its `rate` [m/s]."""
+    lengths = belts.frame.lengths(x, y)
+    one, two = (e + belts.retardation * v for e, v in zip(stretch, rate, strict=True))
+    pulls = (belts.EA_1 * one, -belts.EA_1 * one, belts.EA_2 * two, -belts.EA_2 * two)
+    parts = zip((p.P1, p.P1, p.P2, p.P2), pulls, lengths, strict=True)
+    return Spans(*(positive_part(P + pull / length) for P, pull, length in parts))
 
-    def forces(self, p: Any, x: Any, y: Any, stretch: Any, rate: Any) -> tuple[Any, Any, Any]:
-        """What pulls the collar along the travel of either belt [N], and the forces on it along the
-        travels that come from the change of the lengths [N]."""
-        all_of_it = self.tensions(p, x, y, stretch, rate)
-        at_rest = self.tensions(p, x, y, stretch)
-        one, two = all_of_it.one_a - all_of_it.one_b, all_of_it.two_a - all_of_it.two_b
 
-        def by_length(P, EA, a, b):
-            return (a * (2.0 * P - a) - b * (2.0 * P - b)) / (2.0 * EA)
+def belt_forces(
+    belts: Belts, p: CoreXYParameters, x: Any, y: Any, stretch: tuple, rate: tuple
+) -> tuple[Any, Any, tuple]:
+    """What pulls the collar along the travel of either belt [N], and the forces on it along the travels
+    that come from the change of the lengths [N]."""
+    now = span_tensions(belts, p, x, y, stretch, rate)
+    still = span_tensions(belts, p, x, y, stretch)
 
-        moved = (
-            by_length(p.P1, self.EA_1, at_rest.one_a, at_rest.one_b),
-            by_length(p.P2, self.EA_2, at_rest.two_a, at_rest.two_b),
-        )
-        return one, two, moved
+    def by_length(P, EA, a, b):
+        return (a * (2.0 * P - a) - b * (2.0 * P - b)) / (2.0 * EA)
 
-    def energy(self, p: Any, x: Any, y: Any, stretch: Any) -> Any:
-        """Strain energy of all spans [J], above that of the belts at rest."""
-        tensions, lengths = self.tensions(p, x, y, stretch), self.frame.lengths(x, y)
-        parts = zip(
-            tensions, lengths, (self.EA_1, self.EA_1, self.EA_2, self.EA_2),
-            (p.P1, p.P1, p.P2, p.P2), strict=True,
-        )  # fmt: skip
-        return sum(0.5 * (T**2 - P**2) * length / EA for T, length, EA, P in parts)
+    moved = (
+        by_length(p.P1, belts.EA_1, still.one_a, still.one_b),
+        by_length(p.P2, belts.EA_2, still.two_a, still.two_b),
+    )
+    return now.one_a - now.one_b, now.two_a - now.two_b, moved
+
+
+def strain_energy(belts: Belts, p: CoreXYParameters, x: Any, y: Any, stretch: tuple) -> Any:
+    """Strain energy of all spans [J], above that of the belts at rest."""
+    parts = zip(
+        span_tensions(belts, p, x, y, stretch), belts.frame.lengths(x, y),
+        (belts.EA_1, belts.EA_1, belts.EA_2, belts.EA_2), (p.P1, p.P1, p.P2, p.P2), strict=True,
+    )  # fmt: skip
+    return sum(0.5 * (T**2 - P**2) * length / EA for T, length, EA, P in parts)

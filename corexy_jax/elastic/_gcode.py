@@ -50,12 +50,17 @@ def read_gcode(
     - `speed` [m/s]: that of moves before the first `F`, positive.
 
     **Returns** `Moves`. **Raises** `TypeError`, `ValueError` naming the row that cannot be read, or
-    where nothing moves; `OSError` of the file system.
+    where nothing moves, or for a path that is none of a file.
     """
     check_type("source", source, str | os.PathLike, "a path, or G-code as a text")
     chord = float(check_known("chord", one_number("chord", chord, "positive")))
     speed = float(check_known("speed", one_number("speed", speed, "positive")))
-    text = source if isinstance(source, str) and "\n" in source else pathlib.Path(source).read_text()
+    text = str(source)
+    if not isinstance(source, str) or "\n" not in source:
+        path = pathlib.Path(source)
+        if not path.is_file():
+            raise refusal("source", source, "the path of a file, or G-code, which has a line break")
+        text = path.read_text(encoding="utf-8")
     ignored: Counter[str] = Counter()
     unit, relative, place, called = 1e-3, False, np.zeros(2), np.zeros(2)
     points, speeds, rows = [place], [], []

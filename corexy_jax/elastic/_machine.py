@@ -12,7 +12,7 @@ from stickslip.mechanism import AbstractMechanism, Contact
 from .._arguments import finite
 from .._contacts import DIRECTIONS, contact_loads, line_masses
 from .._parameters import CoreXYParameters
-from ._belts import Belts, Spans
+from ._belts import Belts, Spans, belt_forces, span_tensions, strain_energy
 
 GROUND = tuple(DIRECTIONS)[:6]  # all contacts but those of the belts on the motor pulleys
 Drive = Callable[[Any, tuple, tuple, PyTree], tuple[Any, Any]]
@@ -85,8 +85,8 @@ class ElasticCoreXY(AbstractMechanism):
     def forces(self, t, q, v, args):
         turn = 1.0 / self.parameters.r
         torques = self.drive(t, (q.one * turn, q.two * turn), (v.one * turn, v.two * turn), args)
-        one, two, (along, against) = self.belts.forces(
-            self.parameters, q.x, q.y, stretch(q), stretch(v)
+        one, two, (along, against) = belt_forces(
+            self.belts, self.parameters, q.x, q.y, stretch(q), stretch(v)
         )
         return {
             "x": one + along + two + against, "y": one + along - two - against,
@@ -98,7 +98,7 @@ class ElasticCoreXY(AbstractMechanism):
         return {name: Contact(self.law, loads[i]) for i, name in enumerate(GROUND)}
 
     def potential_energy(self, q):
-        return self.belts.energy(self.parameters, q.x, q.y, stretch(q))
+        return strain_energy(self.belts, self.parameters, q.x, q.y, stretch(q))
 
     def at(self, x: Numeric = 0.0, y: Numeric = 0.0) -> PyTree:
         """The state at rest at a position [m], with belts that are not stretched."""
@@ -108,4 +108,4 @@ class ElasticCoreXY(AbstractMechanism):
     def tensions(self, y: PyTree) -> Spans:
         """Tension of each span [N] in a state, 0 where it is slack."""
         q, v = self.to_coordinates(with_components("y", y, tuple(self.units)))
-        return self.belts.tensions(self.parameters, q.x, q.y, stretch(q), stretch(v))
+        return span_tensions(self.belts, self.parameters, q.x, q.y, stretch(q), stretch(v))

@@ -97,7 +97,7 @@ class Stepper(eqx.Module):
         one, two = (4.0 * jnp.round(turn * lag) for lag in self.lags(t, angles, args))
         return one, two
 
-    def __call__(self, t: Numeric, angles: Any, speeds: Any, args: PyTree) -> tuple[Any, Any]:
+    def __call__(self, t: Numeric, angles: tuple, speeds: tuple, args: PyTree) -> tuple[Any, Any]:
         """Torques of both motors [N m]."""
         N = self.periods
         one, two = (

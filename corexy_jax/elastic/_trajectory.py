@@ -1,5 +1,6 @@
 """From lines and speeds to a motion in time: look-ahead, trapezoids of speed, corners."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import equinox as eqx
@@ -11,15 +12,18 @@ from jaxtyping import Array, Float, PyTree
 from stickslip.checks import (
     Given,
     Numeric,
+    Row,
     as_parameter,
     check_finite,
     check_known,
     check_positive,
+    check_type,
     numbers,
     one_number,
     refusal,
     shape_refusal,
 )
+from stickslip.control import InputShaper
 
 
 class Trajectory(eqx.Module):
@@ -56,16 +60,17 @@ class Trajectory(eqx.Module):
         """From the first piece to the end of the last [s]."""
         return self.times[-1] - self.times[0]
 
-    def breaks(self, shaper: Any = None) -> Float[Array, " break"]:
+    def breaks(self, shaper: Given[InputShaper | None] = None) -> Float[Array, " break"]:
         """Times at which the path jumps or bends [s], each once for every part of an `InputShaper`."""
+        check_type("shaper", shaper, InputShaper | None, "an InputShaper or None")
         if shaper is None:
             return jnp.asarray(self.times)
         return jnp.sort((jnp.asarray(self.times)[:, None] + shaper.times[None, :]).ravel())
 
 
 def trajectory(
-    points: Given[Any],
-    speeds: Given[Any],
+    points: Given[Sequence[Any] | np.ndarray | Array],
+    speeds: Given[Numeric | Row],
     *,
     acceleration: Numeric,
     corner_speed: Numeric,
@@ -101,6 +106,7 @@ def trajectory(
         raise shape_refusal("speeds", speeds, f"one number, or one for each of {len(points) - 1} lines")
     a = float(check_known("acceleration", one_number("acceleration", acceleration, "positive")))
     corner = float(check_known("corner_speed", one_number("corner_speed", corner_speed, "positive")))
+    corner = min(corner, 3e8)  # more limits nothing
     begin = float(check_known("begin", one_number("begin", begin)))
     lines = np.diff(points, axis=0)
     length = np.hypot(*lines.T)

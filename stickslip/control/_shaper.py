@@ -73,7 +73,9 @@ class InputShaper(eqx.Module):
     kind: str = eqx.field(static=True)
 
     @parameters(omega="positive", damping=number("not negative"))
-    def __init__(self, reference: Given[Any], kind: str, omega: Numeric, damping: Numeric = 0.0):
+    def __init__(
+        self, reference: Given[Numeric | Callable], kind: str, omega: Numeric, damping: Numeric = 0.0
+    ):
         check_between("damping", damping, 0, 0.999999)
         self.kind = check_in("kind", kind, KINDS)
         self.reference = as_reference(reference)

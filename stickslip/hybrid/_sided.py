@@ -72,8 +72,8 @@ class Sided(AbstractSystemWrapper):
         mode = jnp.asarray(mode, mode_type(self)) << self.width
         return mode | jnp.asarray(found, mode.dtype)
 
-    def settled(self, t, y, mode, args):
-        return self.system.settled(t, y, self.inner_mode(mode), args)
+    def held_state(self, t, y, mode, args):
+        return self.system.held_state(t, y, self.inner_mode(mode), args)
 
     def vector_field(self, t, y, mode, args):
         leaves, form = jax.tree.flatten(y)

@@ -293,7 +293,7 @@ def _assemble(plan: Plan, problem, t0, t1, start, ts, smooth, counts, capacities
         return system.vector_field(t, y, mode, args)
 
     def settle(t, y, mode, valid):
-        moved = system.settled(t, y, jnp.maximum(mode, 0), args)
+        moved = system.held_state(t, y, jnp.maximum(mode, 0), args)
         return y if moved is y else select(valid & (mode >= 0), moved, y)
 
     def land(t, target, y, mode, valid):

@@ -117,10 +117,10 @@ class AbstractSystemWrapper(AbstractHybridSystem):
         y, args = self.inner(y, args)
         return self.system.constraints(t, y, mode, args)
 
-    def settled(self, t, y, mode, args):
+    def held_state(self, t, y, mode, args):
         """With that of `system` in it."""
         inner, given = self.inner(y, args)
-        moved = self.system.settled(t, inner, mode, given)
+        moved = self.system.held_state(t, inner, mode, given)
         return y if moved is inner else eqx.tree_at(lambda y: self.inner(y, args)[0], y, moved)
 
     def switches_in(self, t, y, mode, args):

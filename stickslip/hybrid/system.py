@@ -198,7 +198,7 @@ class AbstractHybridSystem(AbstractShown):
         """
         return None
 
-    def settled(self, t: Numeric, y: PyTree, mode: Whole, args: PyTree) -> PyTree:
+    def held_state(self, t: Numeric, y: PyTree, mode: Whole, args: PyTree) -> PyTree:
         """The state moved by its error onto what `mode` holds; by default as it is.
 
         Results are handed out so: what sticks on a surface that moves has the speed of that, not of

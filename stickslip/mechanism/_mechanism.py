@@ -39,7 +39,7 @@ from ._moment import touching
 from ._observables import AbstractWithObservables
 from ._rows import NumberRow
 from ._scalars import Mass, times, total
-from ._verbs import accelerations, guards, initial_states, settled, transition
+from ._verbs import accelerations, guards, held_state, initial_states, transition
 
 
 class AbstractMechanism(AbstractWithObservables):
@@ -243,8 +243,8 @@ class AbstractMechanism(AbstractWithObservables):
         q, v, states, failed = transition(now, self.states(mode), guard, others)
         return self.from_coordinates(q, v), self._mode_of(states, failed)
 
-    def settled(self, t, y, mode, args):
-        found = settled(self._moment(t, y, args), self.states(mode))
+    def held_state(self, t, y, mode, args):
+        found = held_state(self._moment(t, y, args), self.states(mode))
         return y if found is None else self.from_coordinates(*found)
 
     @check_arguments(t=reals, y=some_state)

@@ -26,7 +26,7 @@ def accelerations(now: Moment, states: Any) -> list[Any]:
     return a
 
 
-def settled(now: Moment, states: Any) -> tuple[Any, Any] | None:
+def held_state(now: Moment, states: Any) -> tuple[Any, Any] | None:
     """Coordinates and velocities at which what rests on a surface that moves or turns is there, and has
     its speed, nearest by the inertia; None where there is no such surface."""
     q, v, drifts = list(now.at.q), list(now.at.v), False

@@ -18,6 +18,7 @@ BELTS = elastic.Belts(FRAME, 1e4, 1e4)
 MACHINE = elastic.ElasticCoreXY(PARAMETERS, BELTS)
 STEPPER = elastic.Stepper(command, 1.0, 0.05)
 STATE = MACHINE.at()
+PATH = elastic.trajectory([[0.0, 0.0], [0.1, 0.0]], 0.1, acceleration=1.0, corner_speed=0.1)
 PLACE = {"x": arg(0.1, *FINITE), "y": arg(0.1, *FINITE)}
 ANGLES = {"t": arg(0.1, *FINITE), "angles": arg((0.0, 0.0), "pair"), "args": ARGS}
 TARGETS = [
@@ -72,6 +73,25 @@ TARGETS = [
             "steps": arg(200),
         },
     ),
+    Target(
+        elastic.trajectory,
+        {
+            "points": arg([[0.0, 0.0], [0.1, 0.0]], "table"),
+            "speeds": arg(0.1, *POSITIVE),
+            "acceleration": arg(1.0, *POSITIVE),
+            "corner_speed": arg(0.1, *POSITIVE),
+            "begin": arg(0.0, *FINITE),
+        },
+    ),
+    Target(
+        elastic.read_gcode,
+        {
+            "source": arg("G1 X1\n"),
+            "chord": arg(1e-5, *POSITIVE),
+            "speed": arg(0.1, *POSITIVE),
+        },
+    ),
+    Target(elastic.Trajectory.breaks, {"shaper": arg(None, "none")}, PATH.breaks),
     Target(elastic.Stepper.lags, ANGLES, STEPPER.lags),
     Target(elastic.Stepper.lost_steps, ANGLES, STEPPER.lost_steps),
     Target(elastic.Stepper.angles, {k: ANGLES[k] for k in ("t", "args")}, STEPPER.angles),
