@@ -3,6 +3,7 @@
 from ._belts import Belts as Belts
 from ._belts import Frame as Frame
 from ._belts import Spans as Spans
+from ._contour import contour_errors as contour_errors
 from ._gcode import Moves as Moves
 from ._gcode import read_gcode as read_gcode
 from ._machine import ElasticCoreXY as ElasticCoreXY

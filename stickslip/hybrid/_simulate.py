@@ -324,6 +324,7 @@ def _assemble(plan: Plan, problem, t0, t1, start, ts, smooth, counts, capacities
         size = capacities.crossings[i]
         count = jnp.minimum(count, size)
         t, y, dy, mode = rows
+        y = jax.vmap(settle)(t, y, mode, jnp.arange(size, dtype=jnp.int32) < count)
         crossings = (*crossings, _state_log(count, t, y, dy, mode, size))
         if section.terminal:
             stopped = (

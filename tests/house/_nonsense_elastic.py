@@ -84,6 +84,14 @@ TARGETS = [
         },
     ),
     Target(
+        elastic.contour_errors,
+        {
+            "points": arg([[0.0, 0.0], [0.1, 0.0]], "table"),
+            "x": arg([0.0, 0.1], "row"),
+            "y": arg([0.0, 0.1], "row"),
+        },
+    ),
+    Target(
         elastic.read_gcode,
         {
             "source": arg("G1 X1\n"),

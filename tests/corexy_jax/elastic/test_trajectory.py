@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from corexy_jax.elastic import trajectory
+from corexy_jax.elastic import contour_errors, trajectory
 from stickslip.control import InputShaper
 
 A, CORNER = 3.0, 0.1
@@ -93,3 +93,16 @@ def test_wrong_arguments_are_named():
     ):
         with pytest.raises(ValueError, match=words):
             trajectory(*given, **rules)
+
+
+def test_contour_errors_are_distances_from_the_lines():
+    """Beside a line, beyond its end, in a corner; being late is none."""
+    points = [[0.0, 0.0], [1.0, 0.0], [1.0, 0.0], [1.0, 1.0]]
+    x, y = np.array([0.5, -0.3, 0.9, 1.3, 0.25]), np.array([0.2, 0.4, 0.3, 1.4, 0.0])
+    np.testing.assert_allclose(contour_errors(points, x, y), [0.2, 0.5, 0.1, 0.5, 0.0], atol=1e-15)
+    path = trajectory(points, 0.6, acceleration=A, corner_speed=CORNER)
+    times = jnp.linspace(0.0, float(path.duration), 3001)
+    (x, y), _ = jax.jit(jax.vmap(lambda t: path(t, None)))(times)
+    assert np.max(contour_errors(points, x, y)) < 1e-15
+    with pytest.raises(ValueError, match=r"y = .*as x"):
+        contour_errors(points, x, y[:-1])
