@@ -128,6 +128,9 @@ class BlockOnDrivenBeltSetValued(AbstractBlockOnDrivenBelt, AbstractMechanism):
         """Of torques a thousandth where a sign is as printed."""
         return printed.SCALES if self._is_printed else super().guard_scales
 
+    def held_state(self, t, y, mode, args):
+        return y if self._is_printed else super().held_state(t, y, mode, args)
+
     def vector_field(self, t, y, mode, args):
         if not self._is_printed:
             return super().vector_field(t, y, mode, args)

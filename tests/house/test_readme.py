@@ -1,6 +1,7 @@
 """The code on the README and the pages prints what they say, and what they point to is there."""
 
 import re
+from pathlib import Path
 
 import pytest
 
@@ -18,11 +19,19 @@ def text_of(page):
     return page.read_text(encoding="utf-8")
 
 
-# The README's own run in the quick suite.
+# The README's own run in the quick suite, and two that take minutes only with everything else.
+LONG = ("friction_dampers-3", "basins-0")
+
+
+def marks_of(page: Path, number: int) -> list:
+    """When an example runs."""
+    if f"{page.stem}-{number}" in LONG:
+        return [pytest.mark.slow]
+    return [] if page == README else [pytest.mark.more]
+
+
 EXAMPLES = [
-    pytest.param(
-        code, output, id=f"{page.stem}-{number}", marks=[] if page == README else pytest.mark.more
-    )
+    pytest.param(code, output, id=f"{page.stem}-{number}", marks=marks_of(page, number))
     for page in PAGES
     for number, (code, output) in enumerate(EXAMPLE.findall(text_of(page)))
 ]

@@ -156,7 +156,7 @@ def test_no_start_is_called_wrongly(on_belt):
 
 
 @pytest.mark.more
-@pytest.mark.parametrize("belt", [1.25, 1.5])
+@pytest.mark.parametrize("belt", [pytest.param(1.25, marks=pytest.mark.slow), 1.5])
 def test_the_border_is_the_unstable_orbit(belt, on_belt):
     """The shares of `spec/next.md` 3, of which eight digits are given."""
     system = OnBelt(belt)
@@ -166,7 +166,7 @@ def test_the_border_is_the_unstable_orbit(belt, on_belt):
     assert abs(share_inside(system, orbit, BOX) - SHARES[belt]) < 2e-8
 
 
-@pytest.mark.more
+@pytest.mark.slow
 def test_near_the_hopf_point_slow_motions_are_not_settled(on_belt):
     """At ln(10)/2 = 1.151 the fixed point loses its stability; it attracts with 9e-4/s here."""
     system = OnBelt(1.16)

@@ -92,7 +92,7 @@ def test_fifty_random_loops(delay, late, rounds):
     assert bool(jnp.all(run.successful))
 
 
-@pytest.mark.parametrize("late", [True, pytest.param(False, marks=pytest.mark.more)])
+@pytest.mark.parametrize("late", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_derivatives_of_fifty_random_loops(late):
     """By gains, sample time, friction, beginning and latency, in reverse; by gains forward too."""
     rows = drawn(50, seed=3)

@@ -86,7 +86,7 @@ def test_errors_are_as_large_as_the_covariance_says_over_a_thousand_runs():
     jax.clear_caches()
 
 
-@pytest.mark.more
+@pytest.mark.slow
 def test_means_are_those_of_particles():
     """Bootstrap filter with systematic resampling; its standard error from 40 clouds of 2,500."""
     system, dt, clouds, each = Pushed(1.0, 0.5, 0.2), 0.5, 40, 2_500

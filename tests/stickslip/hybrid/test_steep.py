@@ -75,7 +75,10 @@ STARTS = np.array([[0.0, 0.1, 0.02, 0.5], [0.0, 0.0, 0.02, -0.4]])
 
 
 @pytest.mark.more
-@pytest.mark.parametrize(("force", "off"), [(drag, 1e-7), (rope, 1e-6), (orifice, 1e-4)])
+@pytest.mark.parametrize(
+    ("force", "off"),
+    [(drag, 1e-7), pytest.param(rope, 1e-6, marks=pytest.mark.slow), (orifice, 1e-4)],
+)
 def test_motion_and_slopes_from_rest(force, off):
     def end(k, x, y):
         body = Body(k, force)
