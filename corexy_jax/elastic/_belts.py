@@ -18,8 +18,6 @@ from stickslip.checks import (
 from .._arguments import finite
 from .._parameters import CoreXYParameters
 
-SPAN_NAMES = ("1a", "1b", "2a", "2b")
-
 
 class Spans(NamedTuple):
     """A number for each span: `a` pulls the collar along the travel of its belt, `b` against it."""

@@ -11,9 +11,11 @@ import numpy as np
 
 from stickslip.checks import Given, Numeric, check_known, check_type, one_number, refusal
 
-WORD = re.compile(r"([A-Za-z])\s*([-+]?\d*\.?\d+(?:[eE][-+]?\d+)?)")
-# What says nothing about the way of the head in the plane.
-SILENT = ("G4", "G17", "G28", "G29", "G80", "G94", "M", "T", "N")
+# No exponents: `X1E2` is a place and a length of filament.
+WORD = re.compile(r"([A-Za-z])\s*([-+]?(?:\d+\.?\d*|\.\d+))")
+MOTIONS = ("G0", "G1", "G2", "G3")
+# What says nothing about the way of the head in the plane, or moves it where the file does not say.
+SILENT = ("G4", "G17", "G28", "G29", "G80", "G94")
 
 
 class Moves(NamedTuple):
@@ -40,8 +42,9 @@ def read_gcode(
 
     Read are `G0`, `G1` (lines), `G2`, `G3` (arcs, by `I`, `J` or `R`), `G20`, `G21` (inches,
     millimetres), `G90`, `G91` (absolute, relative), `G92` (the place is called so), `F` (a minute's
-    way). Lines without a way in the plane, of `Z` or `E` alone, take no time here. Comments begin with
-    `;` or stand in parentheses.
+    way); a row without a command repeats the last motion. Lines without a way in the plane, of `Z` or
+    `E` alone, take no time here, and a `G28` (home) is not followed. Comments begin with `;` or stand
+    in parentheses.
 
     **Arguments**
 
@@ -64,65 +67,68 @@ def read_gcode(
     ignored: Counter[str] = Counter()
     unit, relative, place, called = 1e-3, False, np.zeros(2), np.zeros(2)
     points, speeds, rows = [place], [], []
-    for row, words in _rows(text):
-        command = "".join(words[0]) if words[0][0] in "GMT" else "G1"
-        given = {letter: float(number) for letter, number in words if letter not in "GM"}
-        number = float(command[1:])
-        command = f"{command[0]}{number:g}"
-        if command in ("G20", "G21"):
-            unit = 0.0254 if command == "G20" else 1e-3
-        elif command in ("G90", "G91"):
-            relative = command == "G91"
-        elif command == "G92":
-            # Where the head is keeps its place in the machine, and gets other coordinates.
-            now = [
-                given[a] * unit if a in given else c for a, c in zip("XY", place - called, strict=True)
-            ]
-            called = place - np.array(now)
-        elif command in ("G0", "G1", "G2", "G3"):
-            if "F" in given:
-                speed = given["F"] * unit / 60.0
-                if speed <= 0.0:
-                    raise refusal(f"F in row {row}", given["F"], "positive")
-            begin = np.zeros(2) if relative else called
-            base = place if relative else begin
-            end = np.array([
-                base[i] + given[a] * unit if a in given else place[i] for i, a in enumerate("XY")
-            ])  # fmt: skip
-            way = [end]
-            if command in ("G2", "G3"):
-                way = _arc(place, end, given, unit, command == "G3", chord, row)
-            for point in way:
-                if np.any(point != place):
-                    points.append(point)
-                    speeds.append(speed)
-                    rows.append(row)
-                    place = point
-        elif command.startswith(SILENT):
-            ignored[command] += 1
-        else:
-            raise refusal(f"row {row}", command, "a command of the list in the docstring of read_gcode")
+    motion = "G1"
+    for row, commands, given in _rows(text):
+        for name in commands:
+            command = name or motion
+            if command in ("G20", "G21"):
+                unit = 0.0254 if command == "G20" else 1e-3
+            elif command in ("G90", "G91"):
+                relative = command == "G91"
+            elif command == "G92":
+                # Where the head is keeps its place in the machine, and gets other coordinates.
+                now = place - called
+                now = [given[a] * unit if a in given else c for a, c in zip("XY", now, strict=True)]
+                called = place - np.array(now)
+            elif command in MOTIONS:
+                motion = command
+                if "F" in given:
+                    speed = given["F"] * unit / 60.0
+                    if speed <= 0.0:
+                        raise refusal(f"F in row {row}", given["F"], "positive")
+                base = place if relative else called
+                end = np.array([
+                    base[i] + given[a] * unit if a in given else place[i] for i, a in enumerate("XY")
+                ])  # fmt: skip
+                way = [end]
+                if command in ("G2", "G3"):
+                    way = _arc(place, end, given, unit, command == "G3", chord, row)
+                for point in way:
+                    if np.any(point != place):
+                        points.append(point)
+                        speeds.append(speed)
+                        rows.append(row)
+                        place = point
+            elif command in SILENT or command[0] != "G":
+                ignored[command] += 1
+            else:
+                allowed = "a command of the list in the docstring of read_gcode"
+                raise refusal(f"row {row}", command, allowed)
     if not speeds:
         raise refusal("source", str(source)[:60], "G-code in which something moves in the plane")
     return Moves(np.array(points), np.array(speeds), np.array(rows), dict(ignored))
 
 
-def _rows(text: str) -> Iterator[tuple[int, list[tuple[str, str]]]]:
-    """Rows with something in them: their number, and their words as letter and number."""
+def _rows(text: str) -> Iterator[tuple[int, list[str], dict[str, float]]]:
+    """Rows with something in them: their number, their commands, and the numbers by their letters."""
     for row, line in enumerate(text.splitlines(), start=1):
-        code = re.sub(r"\([^)]*\)", " ", line).split(";")[0].split("*")[0].strip()
+        code = re.sub(r"\([^)]*\)", " ", line).split(";")[0].split("*")[0].strip().upper()
+        code = re.sub(r"^N\s*\d+", "", code).strip()
         if not code or code.startswith("%"):
             continue
-        words = [(letter.upper(), number) for letter, number in WORD.findall(code)]
-        if words and words[0][0] == "N":
-            words = words[1:]
-        named = re.match(r"[A-Za-z_]{2,}", code)
-        if named is not None:  # macros of a firmware
-            yield row, [("M", "0")]
-        elif not words:
-            raise refusal(f"row {row}", line, "words of a letter and a number")
-        else:
-            yield row, words
+        named = re.match(r"[A-Z_]{2,}|[MT]\s*\d+", code)
+        if named is not None:  # macros, heaters, texts to show: whatever follows is theirs
+            yield row, [named[0].replace(" ", "")], {}
+            continue
+        words = WORD.findall(code)
+        commands = [f"{letter}{float(number):g}" for letter, number in words if letter in "GMT"]
+        others = [(letter, float(number)) for letter, number in words if letter not in "GMT"]
+        given = dict(others)
+        takes = [c for c in commands if c in (*MOTIONS, "G4", "G28", "G92")]
+        if not words or WORD.sub("", code).strip() or len(given) < len(others) or len(takes) > 1:
+            raise refusal(f"row {row}", line, "words of a letter and a number, for one motion")
+        # A row with numbers only, or behind a switch such as `G90`, repeats the last motion.
+        yield row, commands if takes or not given else [*commands, ""], given
 
 
 def _arc(
@@ -142,8 +148,10 @@ def _arc(
     if radius == 0.0:
         raise refusal(f"row {row}", given, "an arc with I, J or R that is not 0")
     first, last = (np.arctan2(*(p - centre)[::-1]) for p in (start, end))
+    if abs(np.hypot(*(end - centre)) - radius) > max(1e-3 * radius, chord):
+        raise refusal(f"row {row}", given, "an arc that ends as far from its centre as it begins")
     turn = (last - first) % (2.0 * np.pi) if left else -((first - last) % (2.0 * np.pi))
-    if abs(turn) < 1e-9:  # a whole circle
+    if np.all(end == start):  # a whole circle
         turn = 2.0 * np.pi if left else -2.0 * np.pi
     # A chord is `radius (1 - cos(step / 2))` from its arc.
     step = 2.0 * np.arccos(max(1.0 - chord / radius, 0.0))

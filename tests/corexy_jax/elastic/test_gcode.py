@@ -65,7 +65,7 @@ def test_inches_macros_and_files(tmp_path):
     moves = read_gcode(path)
     np.testing.assert_allclose(moves.points, [[0.0, 0.0], [0.0254, 0.0]])
     np.testing.assert_allclose(moves.speeds, [0.0254])
-    assert moves.ignored == {"M0": 1, "M84": 1}
+    assert moves.ignored == {"START_PRINT": 1, "M84": 1}
 
 
 @pytest.mark.parametrize(
@@ -73,9 +73,25 @@ def test_inches_macros_and_files(tmp_path):
     [
         ("G1 X1\nG5 X2 Y3\n", r"row 2 = 'G5'"), ("G1 X1\n?? !!\n", r"row 2 = '\?\? !!'"),
         ("G1 X1 F0\n", r"F in row 1 = 0.0"), ("M84\n\n", r"source = .* moves in the plane"),
+        ("G1 X10,5\n", r"row 1 = 'G1 X10,5'"), ("G1 X1\nG41 X3\n", r"row 2 = 'G41'"),
+        ("G1 X1 X2\n", r"row 1 = .*one motion"), ("G1 X1\nG2 X3 I5 J1\n", r"row 2 = .*as far from"),
+        ("G92 X1 G1 X3\n", r"row 1 = .*one motion"), ("G1 X\n", r"row 1 = 'G1 X'"),
         ("G1 X1\nG2 X3 R0.5\n", r"R in row 2 = 0.5"), ("G1 X1\nG2 X3\n", r"row 2 = .*an arc with"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_read_is_named(text, words):
     with pytest.raises(ValueError, match=words):
         read_gcode(text)
+
+
+def test_compact_rows_and_those_that_repeat():
+    """An extruder's word is no exponent; several commands in a row; an arc goes on as one."""
+    moves = read_gcode(
+        "G21 G90 G17 G1X10E2F600\nM117 Layer 1/10, X5\nG90 Y.5\nG2 X11. Y1.5 I1 J0\nX12 Y.5 I0 J-1\n"
+    )
+    np.testing.assert_allclose(moves.points[:3] * 1e3, [[0, 0], [10, 0], [10, 0.5]], atol=1e-15)
+    np.testing.assert_allclose(moves.speeds, 0.01)
+    arc = moves.points[3:] * 1e3 - np.array([11.0, 0.5])
+    np.testing.assert_allclose(np.hypot(*arc.T), 1.0, rtol=1e-9)
+    np.testing.assert_allclose(arc[-1], [1.0, 0.0], atol=1e-12)
+    assert moves.ignored == {"G17": 1, "M117": 1}
