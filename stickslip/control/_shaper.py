@@ -93,12 +93,17 @@ class InputShaper(eqx.Module):
         parts = jnp.stack([part * decay**time for part, time in parts_of(self.kind)], axis=-1)
         return parts / jnp.sum(parts, axis=-1, keepdims=True)
 
+    @property
+    def _parts(self) -> list[tuple[Any, Any]]:
+        """Size and time of each part, arrays of shapers by their batch axes."""
+        rows = (jnp.moveaxis(a, -1, 0) for a in (self.amplitudes, self.times))
+        return list(zip(*rows, strict=True))
+
     def __call__(self, t: Numeric, args: PyTree) -> tuple[Any, Any]:
         """Position and velocity at time `t` [s]."""
-        parts = [self.reference(t - time, args) for time in self.times]
-        return jax.tree.map(
-            lambda *a: sum(A * x for A, x in zip(self.amplitudes, a, strict=True)), *parts
-        )
+        sizes, times = zip(*self._parts, strict=True)
+        parts = [self.reference(t - time, args) for time in times]
+        return jax.tree.map(lambda *a: sum(A * x for A, x in zip(sizes, a, strict=True)), *parts)
 
     def residual(self, omega: Numeric, damping: Numeric = 0.0) -> Float[Array, "..."]:
         r"""Vibration that it leaves, of that behind a step without a shaper,
@@ -114,10 +119,9 @@ class InputShaper(eqx.Module):
             *(jnp.asarray(reals(self, *a)) for a in (("omega", omega), ("damping", damping)))
         )
         real = imaginary = jnp.zeros_like(omega)
-        for part, time in zip(self.amplitudes, self.times - self.times[-1], strict=True):
-            part, turn = (
-                part * jnp.exp(omega * damping * time),
-                omega * jnp.sqrt(1.0 - damping**2) * time,
-            )
-            real, imaginary = real + part * jnp.cos(turn), imaginary + part * jnp.sin(turn)
+        last = self._parts[-1][1]
+        for size, time in self._parts:
+            left = size * jnp.exp(omega * damping * (time - last))
+            turn = omega * jnp.sqrt(1.0 - damping**2) * (time - last)
+            real, imaginary = real + left * jnp.cos(turn), imaginary + left * jnp.sin(turn)
         return jnp.hypot(real, imaginary)

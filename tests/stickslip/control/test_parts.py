@@ -178,6 +178,9 @@ def test_what_a_shaper_leaves_is_the_sum_of_its_steps(kind):
     for part, since in zip(shaper.amplitudes, shaper.times[-1] - shaper.times, strict=True):
         left += float(part) * np.exp(rate * float(since))
     np.testing.assert_allclose(shaper.residual(omega, 0.02), np.abs(left), rtol=1e-12)
+    many = InputShaper(lambda t, args: (t, 1.0), kind, np.array([7.0, 9.0]), 0.1)
+    alone = [InputShaper(lambda t, args: (t, 1.0), kind, w, 0.1)(1.0, None)[0] for w in (7.0, 9.0)]
+    np.testing.assert_allclose(many(1.0, None)[0], alone, rtol=1e-14)
     place = shaper(0.0, None)[0]
     assert float(place) == 0.0
     low, high = RANGES[kind]
