@@ -3,7 +3,7 @@
 import abc
 import dataclasses
 from collections.abc import Callable
-from typing import Any
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax
@@ -21,7 +21,12 @@ from ._unknowns import NamedValues
 
 
 class AbstractCorrection(eqx.Module):
-    """How the motion of a `Problem` is corrected from stamp to stamp."""
+    """How the motion of a `Problem` is corrected from stamp to stamp.
+
+    `kinds`: how many rows there are for each datum; the first is its residual.
+    """
+
+    kinds: ClassVar[int] = 1
 
     @abc.abstractmethod
     def rows(
@@ -86,10 +91,12 @@ class KalmanFilter(AbstractCorrection):
     - `spread(values, inputs)`: a state of standard deviations of that in which a record begins,
       independent, as of `Gaussian`; its mean is `initial_state` of the `Problem`.
 
-    The noise of what is measured is $\sigma_i$, the `sd` of each `Observed`. **Raises** `TypeError`,
-    `ValueError` for anything else.
+    The noise of what is measured is $\sigma_i$, the `sd` of each `Observed`. What `Problem.predict` and
+    `score` say is of the motion that is never corrected: their bands know of no wandering. **Raises**
+    `TypeError`, `ValueError` for anything else.
     """
 
+    kinds: ClassVar[int] = 3
     process: Given[SystemOf] = eqx.field(static=True)
     spread: Given[SystemOf] = eqx.field(static=True)
 

@@ -14,7 +14,6 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from .._validation import one_static, refusal
-from ._corrections import KalmanFilter
 from ._evaluate import Evaluation
 from ._fit import Fit
 from ._losses import AbstractLoss
@@ -35,7 +34,7 @@ class AbstractMethod(eqx.Module):
 
     def check_run(self, run: Run) -> None:
         """Raise `ValueError` for a problem that this method cannot fit."""
-        if self.polish.loss is not None and isinstance(run.correct, KalmanFilter):
+        if self.polish.loss is not None and run.kinds > 1:
             raise refusal("loss", self.polish.loss, "None where a KalmanFilter corrects")
 
     @abc.abstractmethod

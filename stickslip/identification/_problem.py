@@ -225,7 +225,7 @@ class Problem:
         """
         count = self._data.keep.size
         residual = reals(self, "residual", residual)
-        if np.shape(residual) == (3 * count,):  # of a likelihood
+        if np.shape(residual) == (self._run.kinds * count,):
             residual = residual[:count]
         if np.shape(residual) != (count,):
             raise shape_refusal("residual", residual, f"one row of {count}")

@@ -73,6 +73,11 @@ class Run:
     local: tuple[tuple[str, tuple[str, ...]], ...]  # names with the names per record
     correct: Any = None  # an AbstractCorrection
 
+    @property
+    def kinds(self) -> int:
+        """How many rows there are for each datum; the first is its residual."""
+        return 1 if self.correct is None else self.correct.kinds
+
     def split(self, values: NamedValues) -> tuple[NamedValues, NamedValues]:
         """Values of all records, and rows of values of each."""
         common = {name: values[name] for name in self.shared}
