@@ -296,13 +296,14 @@ def _assemble(plan: Plan, problem, t0, t1, start, ts, smooth, counts, capacities
         moved = system.held_state(t, y, jnp.maximum(mode, 0), args)
         return y if moved is y else select(valid & (mode >= 0), moved, y)
 
-    def land(t, target, y, mode, valid):
-        y = shift(y, stop_gradient(slope(t, y, mode)), jnp.where(valid, target - t, 0.0))
-        t = jnp.where(valid, target, t)
+    def land(t, target, y, mode, lands, valid):
+        y = shift(y, stop_gradient(slope(t, y, mode)), jnp.where(lands, target - t, 0.0))
+        t = jnp.where(lands, target, t)
         y = settle(t, y, mode, valid)
         return y, slope(t, y, mode)
 
-    y1, dy1 = land(t_end, t1, y_end, counts.mode, finished)
+    # The end of a run that fails, too, may be what another goes on from.
+    y1, dy1 = land(t_end, t1, y_end, counts.mode, finished, True)
     flags = counts.flags
     # Implicit methods are right with steps that are long against the rates of the field.
     if plan.step_size.adaptive and isinstance(plan.stepper, ExplicitRungeKutta):
@@ -315,7 +316,7 @@ def _assemble(plan: Plan, problem, t0, t1, start, ts, smooth, counts, capacities
     if ts is not None:
         rows = logs.outputs
         reached = jnp.arange(capacities.outputs, dtype=jnp.int32) < counts.outputs
-        y, dy = jax.vmap(land)(rows.t, ts, rows.y, rows.mode, reached)
+        y, dy = jax.vmap(land)(rows.t, ts, rows.y, rows.mode, reached, reached)
         outputs = _state_log(counts.outputs, ts, y, dy, rows.mode, capacities.outputs)
     crossings = ()
     for i, (section, count, rows) in enumerate(

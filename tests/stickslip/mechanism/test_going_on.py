@@ -114,6 +114,15 @@ def test_what_rests_on_a_surface_that_moves_still_does(name):
         assert int(rest.mode1) == int(whole.mode1)
 
 
+def test_so_does_a_run_that_took_all_its_attempts():
+    system, start = CASES["two blocks"]
+    few = ss.Integrator(step=ss.AdaptiveStep(1e-4), max_steps=20)
+    cut = ss.simulate(system, 0.0, 3.15, system.state(**start), integrator=few, throw=False)
+    assert not cut.successful
+    assert system.mode_names[int(cut.mode1)].startswith("stick")
+    assert int(system.initial_mode(cut.t1, cut.y1, None)) == int(cut.mode1)
+
+
 def test_derivatives_of_what_rests_are_those_of_its_surface():
     def ends(frequency):
         run = ss.simulate(Carried(frequency), 0.0, 1.3, Carried().state(v_x=0.3 * frequency))
