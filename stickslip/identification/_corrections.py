@@ -91,8 +91,8 @@ class KalmanFilter(AbstractCorrection):
     - `spread(values, inputs)`: a state of standard deviations of that in which a record begins,
       independent, as of `Gaussian`; its mean is `initial_state` of the `Problem`.
 
-    The noise of what is measured is $\sigma_i$, the `sd` of each `Observed`. What `Problem.predict` and
-    `score` say is of the motion that is never corrected: their bands know of no wandering. **Raises**
+    The noise of what is measured is $\sigma_i$, the `sd` of each `Observed`. `Problem.predict` and
+    `score` are of the motion that is never corrected: their bands know of no wandering. **Raises**
     `TypeError`, `ValueError` for anything else.
     """
 
