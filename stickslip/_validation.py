@@ -262,14 +262,16 @@ def one_row(name: str, value: Any, kind: str = "finite", least: int = 1) -> Any:
     return value
 
 
-def check_increasing(name: str, value: T) -> T:
-    """A row, checked before, each number of which is above the one before it."""
+def check_increasing(name: str, value: T, *, equal: bool = False) -> T:
+    """A row, checked before, each number of which is above the one before it, or `equal` to it."""
     if is_concrete(value):
         array = np.asarray(value)
-        falls = np.flatnonzero(np.diff(array) <= 0)
+        steps = np.diff(array)
+        falls = np.flatnonzero(steps < 0 if equal else steps <= 0)
         if falls.size:
             at = int(falls[0]) + 1
-            allowed = f"above the one before it, {array[at - 1].item()}: they must increase"
+            place, rule = ("at or above", "not decrease") if equal else ("above", "increase")
+            allowed = f"{place} the one before it, {array[at - 1].item()}: they must {rule}"
             raise refusal(f"{name}[{at}]", array[at].item(), allowed)
     return value
 

@@ -25,6 +25,8 @@ from stickslip.checks import (
 )
 from stickslip.control import InputShaper
 
+from ._axis_shapers import AxisShapers
+
 
 class Trajectory(eqx.Module):
     """A path in pieces of constant acceleration, `path(t, args) -> ((x, y), (vx, vy))`.
@@ -60,9 +62,10 @@ class Trajectory(eqx.Module):
         """From the first piece to the end of the last [s]."""
         return self.times[-1] - self.times[0]
 
-    def breaks(self, shaper: Given[InputShaper | None] = None) -> Float[Array, " break"]:
-        """Times at which the path jumps or bends [s], each once for every part of an `InputShaper`."""
-        check_type("shaper", shaper, InputShaper | None, "an InputShaper or None")
+    def breaks(self, shaper: Given[InputShaper | AxisShapers | None] = None) -> Float[Array, " break"]:
+        """Times at which the path jumps or bends [s], each once for every part of a shaper."""
+        allowed = "an InputShaper, AxisShapers or None"
+        check_type("shaper", shaper, InputShaper | AxisShapers | None, allowed)
         if shaper is None:
             return jnp.asarray(self.times)
         return jnp.sort((jnp.asarray(self.times)[:, None] + shaper.times[None, :]).ravel())

@@ -72,11 +72,11 @@ class WithBreaks(AbstractSystemWrapper):
     4.000000, -4.000000
 
     - State `Pieced`; `start(y, t)` makes one. One more guard, the time to the next break [s].
-    - `times` [s]: a vector that increases; they may be parameters that are differentiated. Between
-      two breaks the system's own `time_scale` holds.
+    - `times` [s]: a vector that does not decrease; equal ones are one break. They may be parameters
+      that are differentiated. Between two breaks the system's own `time_scale` holds.
 
-    **Errors** `TypeError` unless `system` is a hybrid system, `ValueError` for times that do not
-    increase or are not finite.
+    **Errors** `TypeError` unless `system` is a hybrid system, `ValueError` for times that decrease or
+    are not finite.
     """
 
     system: AbstractHybridSystem
@@ -87,7 +87,7 @@ class WithBreaks(AbstractSystemWrapper):
         self.times = as_parameter(check_finite("times", times))
         if self.times.ndim != 1 or self.times.size == 0:
             raise shape_refusal("times", times, "one row of times")
-        check_increasing("times", times)
+        check_increasing("times", times, equal=True)
 
     _own_guards: ClassVar = ("the load breaks",)
 

@@ -4,6 +4,7 @@ import numpy as np
 
 import corexy_jax as cx
 from corexy_jax import elastic
+from stickslip.control import InputShaper
 from tests.house._nonsense_engine import ARGS
 from tests.house._nonsense_laws import FINITE, NOT_NEGATIVE, POSITIVE
 from tests.house._nonsense_target import Target, arg
@@ -19,9 +20,15 @@ MACHINE = elastic.ElasticCoreXY(PARAMETERS, BELTS)
 STEPPER = elastic.Stepper(command, 1.0, 0.05)
 STATE = MACHINE.at()
 PATH = elastic.trajectory([[0.0, 0.0], [0.1, 0.0]], 0.1, acceleration=1.0, corner_speed=0.1)
+SHAPER = InputShaper(PATH, "ZV", 300.0)
 PLACE = {"x": arg(0.1, *FINITE), "y": arg(0.1, *FINITE)}
+ABOUT = {
+    "parameters": arg(PARAMETERS), "belts": arg(BELTS), **PLACE,
+    "holding": arg(np.inf, "infinite", *NOT_NEGATIVE),
+}  # fmt: skip
 ANGLES = {"t": arg(0.1, *FINITE), "angles": arg((0.0, 0.0), "pair"), "args": ARGS}
 TARGETS = [
+    Target(elastic.AxisShapers, {"x": arg(SHAPER), "y": arg(SHAPER)}),
     Target(
         elastic.Frame,
         {
@@ -53,15 +60,8 @@ TARGETS = [
     ),
     Target(elastic.ElasticCoreXY.at, PLACE, MACHINE.at),
     Target(elastic.ElasticCoreXY.tensions, {"y": arg(STATE)}, MACHINE.tensions),
-    Target(
-        elastic.resonances,
-        {
-            "parameters": arg(PARAMETERS),
-            "belts": arg(BELTS),
-            **PLACE,
-            "holding": arg(np.inf, "infinite", *NOT_NEGATIVE),
-        },
-    ),
+    Target(elastic.resonances, ABOUT),
+    Target(elastic.lost_motion, ABOUT),
     Target(
         elastic.Stepper,
         {

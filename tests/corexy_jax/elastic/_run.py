@@ -19,10 +19,12 @@ class Still(eqx.Module):
     """A command that moves evenly."""
 
     x: Any = 0.0
+    y: Any = 0.0
     vx: Any = 0.0
+    vy: Any = 0.0
 
     def __call__(self, t, args):
-        return (self.x + self.vx * t, 0.0 * t), (self.vx, 0.0)
+        return (self.x + self.vx * t, self.y + self.vy * t), (self.vx, self.vy)
 
 
 class Mixed(eqx.Module):

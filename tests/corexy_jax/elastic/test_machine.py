@@ -7,7 +7,7 @@ import pytest
 import scipy.linalg
 
 import corexy_jax as cx
-from corexy_jax.elastic import Belts, ElasticCoreXY, Frame, Stepper, resonances
+from corexy_jax.elastic import Belts, ElasticCoreXY, Frame, Stepper, lost_motion, resonances
 from tests.corexy_jax.elastic._run import FRICTIONLESS, ROWS, Still, belts, mixed, run
 
 
@@ -106,6 +106,28 @@ def test_a_stepper_lags_by_its_load_and_falls_out_of_step_beyond():
             assert float(lag) == pytest.approx(np.arcsin(total / 4.0) / 50.0, abs=1e-8)
             assert float(lost) == 0.0
     assert float(drive.stepper.stiffness) == pytest.approx(200.0)
+
+
+@pytest.mark.parametrize(("axis", "P2", "EA_2"), [("x", 20.5, 2.1e4), ("y", 26.0, 3e4)])
+def test_a_slow_motion_that_turns_back_loses_what_the_closed_form_says(axis, P2, EA_2):
+    """The head lags behind its command by friction; turned round, it lags the other way."""
+    p = cx.CoreXYParameters(mu_s=0.1, mu_k=0.1, P1=20.0, P2=P2)
+    odd = Belts(Frame(0.5, 0.4, 0.2, 0.2), 2e4, EA_2, 3e-3)
+    at, speed = (0.04, 0.03), 0.002
+    y = ElasticCoreXY(p, odd).at(*at)
+    lag, place = [], list(at)
+    for way in (speed, -speed):
+        drive = mixed(Still(*place, **{f"v{axis}": way}), torque=40.0, share=1.0)
+        _, found = run(p, odd, drive, y, 0.5)
+        y, place["xy".index(axis)] = found.y1, place["xy".index(axis)] + 0.5 * way
+        lag.append(place["xy".index(axis)] - float(getattr(y, axis)))
+    there = at if way > 0 else place
+    expected = lost_motion(p, odd, *there, holding=50 * 40.0)["xy".index(axis)]
+    assert lag[0] - lag[1] == pytest.approx(float(expected), rel=1e-3)
+    rigid = lost_motion(p, odd, *there)["xy".index(axis)]
+    assert 1.05 * float(rigid) < float(expected)
+    # Belts so different that a motion along x drags y along have no answer for it.
+    assert np.isnan(lost_motion(p, odd, *there)[0]) == (axis == "y")
 
 
 def test_wrong_arguments_are_named():

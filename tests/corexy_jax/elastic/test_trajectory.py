@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from corexy_jax.elastic import contour_errors, trajectory
+from corexy_jax.elastic import AxisShapers, contour_errors, trajectory
 from stickslip.control import InputShaper
 
 A, CORNER = 3.0, 0.1
@@ -81,6 +81,28 @@ def test_a_shaped_path_has_a_break_for_each_part():
     assert path.breaks(shaped).shape == (12,)
     (x, y), _ = shaped(jnp.asarray(float(path.breaks(shaped)[-1])), None)
     np.testing.assert_allclose([x, y], [0.3, 0.4], rtol=1e-14)
+
+
+def test_each_axis_has_its_shaper_and_equal_breaks_are_allowed():
+    """Half a period is the time of a piece: parts of the one meet parts of the other."""
+    path = trajectory([[0.0, 0.0], [0.03, 0.0]], 0.6, acceleration=A, corner_speed=CORNER)
+    omega = np.pi / float(path.times[1])
+    x, y = InputShaper(path, "ZV", omega), InputShaper(path, "MZV", 2.0 * omega)
+    both, t = AxisShapers(x, y), jnp.asarray(0.013)
+    place, speed = both(t, None)
+    np.testing.assert_allclose(place, [x(t, None)[0][0], y(t, None)[0][1]], rtol=0)
+    np.testing.assert_allclose(speed, [x(t, None)[1][0], y(t, None)[1][1]], rtol=0)
+    breaks = path.breaks(both)
+    assert breaks.shape == (15,)
+    assert np.min(np.diff(breaks)) == 0.0
+    slope = jax.vmap(jax.jacfwd(lambda t: jnp.stack(both(t, None)[1])))
+    inside = jnp.linspace(0.0, float(breaks[-1]), 4001)[1:-1]
+    rates = np.asarray(jax.jit(slope)(inside))
+    # Accelerations change at breaks only.
+    piece = np.searchsorted(np.asarray(breaks), np.asarray(inside), side="right")
+    same = piece[1:] == piece[:-1]
+    jumps = np.abs(np.diff(rates, axis=0))
+    assert np.max(jumps[same]) < 1e-12 < np.max(jumps)
 
 
 def test_wrong_arguments_are_named():
