@@ -18,6 +18,7 @@ PARAMETERS, FRAME = cx.CoreXYParameters(), elastic.Frame(0.4, 0.4)
 BELTS = elastic.Belts(FRAME, 1e4, 1e4)
 MACHINE = elastic.ElasticCoreXY(PARAMETERS, BELTS)
 STEPPER = elastic.Stepper(command, 1.0, 0.05)
+WINDING = elastic.Winding(24.0, 1.7, 1.5, 2.8e-3)
 STATE = MACHINE.at()
 PATH = elastic.trajectory([[0.0, 0.0], [0.1, 0.0]], 0.1, acceleration=1.0, corner_speed=0.1)
 SHAPER = InputShaper(PATH, "ZV", 300.0)
@@ -70,6 +71,7 @@ TARGETS = [
             "r": arg(0.05, *POSITIVE),
             "detent": arg(0.0, *NOT_NEGATIVE),
             "damping": arg(0.0, *NOT_NEGATIVE),
+            "winding": arg(None, "none"),
             "steps": arg(200),
         },
     ),
@@ -101,6 +103,40 @@ TARGETS = [
     ),
     Target(elastic.Trajectory.breaks, {"shaper": arg(None, "none")}, PATH.breaks),
     Target(elastic.Stepper.lags, ANGLES, STEPPER.lags),
+    Target(elastic.Stepper.margin, ANGLES, STEPPER.margin),
+    Target(elastic.Stepper.pull_out, {"speed": arg(0.1, *FINITE)}, STEPPER.pull_out),
+    Target(
+        elastic.Winding,
+        {
+            "voltage": arg(24.0, *POSITIVE),
+            "current": arg(1.7, *POSITIVE),
+            "resistance": arg(1.5, *POSITIVE),
+            "inductance": arg(1e-3, *NOT_NEGATIVE),
+        },
+    ),
+    Target(
+        elastic.Winding.pull_out,
+        {"torque": arg(0.3, *FINITE), "periods": arg(50.0, *FINITE), "speed": arg(0.1, *FINITE)},
+        WINDING.pull_out,
+    ),
+    Target(
+        elastic.DCMotors,
+        {"voltages": arg(lambda t, args: (0.0, 0.0), "function"), "parameters": arg(PARAMETERS)},
+    ),
+    Target(
+        elastic.microsteps,
+        {
+            "path": arg(PATH, "function"),
+            "breaks": arg([0.0, 1.1], "row"),
+            "r": arg(0.05, *POSITIVE),
+            "division": arg(16),
+            "steps": arg(200),
+        },
+    ),
+    Target(
+        elastic.tooth_jump,
+        {"tensions": arg(elastic.Spans(20.0, 20.0, 20.0, 20.0)), "limit": arg(50.0, *POSITIVE)},
+    ),
     Target(elastic.Stepper.lost_steps, ANGLES, STEPPER.lost_steps),
     Target(elastic.Stepper.angles, {k: ANGLES[k] for k in ("t", "args")}, STEPPER.angles),
 ]

@@ -51,6 +51,7 @@ EXEMPT = {
     "current_executor": "takes nothing",
     "code_revision": "takes nothing",
     "versions": "takes nothing",
+    "desktop_printer": "takes nothing",
     "as_json": "takes anything",
     **dict.fromkeys(
         ("positive_part", "absolute", "saturate", "backlash", "dead_band"),
@@ -107,7 +108,7 @@ EXEMPT_METHODS = {
         (
             "CoreXY.carriage_rests", "CoreXY.dmn", "CoreXY.energy", "CoreXY.initial_mode",
             "CoreXY.line_drive", "CoreXY.line_velocities", "CoreXY.mode_of", "CoreXY.motion_together",
-            "Stepper.__call__",
+            "Stepper.__call__", "DCMotors.__call__",
             "CoreXY.powers", "CoreXY.slips", "CoreXY.states", "CoreXY.torques",
         ),
         "parts of the machine's vector field, called inside of its programs",
