@@ -12,17 +12,19 @@ CHOICES = {
     "sign": ("consistent", "printed"),
     "models": ("all", "simplified"),
     "friction": ("smooth", "set-valued"),
+    "shaper": ("", "ZV", "ZVD", "MZV", "EI", "2HUMP_EI"),
 }
 POSITIVE = (
     "k3", "k3_min", "k3_max", "k3_step", "h", "coarse_h", "dt", "step", "rate", "V_max", "distance",
     "duration", "recorded", "settled", "segment", "shown", "tolerance", "follow_min", "follow_max",
-    "orbit_tolerance", "speed", "speed_max", "curve_speed", "curve_step", "fine_step",
+    "orbit_tolerance", "speed", "speed_max", "curve_speed", "curve_step", "fine_step", "acceleration",
+    "corner_speed",
 )  # fmt: skip
 FROM_ZERO = (
     "transient", "converged_transient", "converged_duration", "dropped", "spread", "width",
     "exponents", "adam_steps", "seed", "generations", "founders", "rounds", "looks", "coarse_transient",
     "doublings", "speed_min", "radius",
-    "tension_error",
+    "tension_error", "frequency_x", "frequency_y",
 )  # fmt: skip
 LEAST = {"segments": 4, "rows": 2, "columns": 2, "points": 2, "coarse": 2, "fine": 2}
 MOST = 10_000_000  # of anything that is counted

@@ -23,12 +23,15 @@ class Moves(NamedTuple):
 
     - `points` [m]: `[point, 2]`; `speeds` [m/s] of each line; `rows`: number of the row of the file
       that each line comes from, counted from 1.
+    - `drawn`: whether filament is pushed out along each line; in a file without filament, whether it is
+      none of `G0`.
     - `ignored`: how often each other command was there, such as those of heaters.
     """
 
     points: np.ndarray
     speeds: np.ndarray
     rows: np.ndarray
+    drawn: np.ndarray
     ignored: dict[str, int]
 
 
@@ -41,10 +44,10 @@ def read_gcode(
     r"""Moves of the head from G-code, in SI units.
 
     Read are `G0`, `G1` (lines), `G2`, `G3` (arcs, by `I`, `J` or `R`), `G20`, `G21` (inches,
-    millimetres), `G90`, `G91` (absolute, relative), `G92` (the place is called so), `F` (a minute's
-    way); a row without a command repeats the last motion. Lines without a way in the plane, of `Z` or
-    `E` alone, take no time here, and a `G28` (home) is not followed. Comments begin with `;` or stand
-    in parentheses.
+    millimetres), `G90`, `G91` (absolute, relative), `G92` (the place is called so), `M82`, `M83`
+    (filament absolute, relative), `F` (a minute's way); a row without a command repeats the last
+    motion. Lines without a way in the plane, of `Z` or `E` alone, take no time here, and a `G28` (home)
+    is not followed. Comments begin with `;` or stand in parentheses.
 
     **Arguments**
 
@@ -66,8 +69,8 @@ def read_gcode(
         text = path.read_text(encoding="utf-8")
     ignored: Counter[str] = Counter()
     unit, relative, place, called = 1e-3, False, np.zeros(2), np.zeros(2)
-    points, speeds, rows = [place], [], []
-    motion = "G1"
+    points, speeds, rows, drawn = [place], [], [], []
+    motion, feeds, filament, fed = "G1", "M82", 0.0, False
     for row, commands, given in _rows(text):
         for name in commands:
             command = name or motion
@@ -80,6 +83,7 @@ def read_gcode(
                 now = place - called
                 now = [given[a] * unit if a in given else c for a, c in zip("XY", now, strict=True)]
                 called = place - np.array(now)
+                filament = given.get("E", filament)
             elif command in MOTIONS:
                 motion = command
                 if "F" in given:
@@ -93,20 +97,27 @@ def read_gcode(
                 way = [end]
                 if command in ("G2", "G3"):
                     way = _arc(place, end, given, unit, command == "G3", chord, row)
+                rise = 0.0
+                if "E" in given:
+                    rise = given["E"] - (0.0 if relative or feeds == "M83" else filament)
+                    filament, fed = filament + rise, True
                 for point in way:
                     if np.any(point != place):
                         points.append(point)
                         speeds.append(speed)
                         rows.append(row)
+                        drawn.append((rise > 0.0, command != "G0"))
                         place = point
             elif command in SILENT or command[0] != "G":
                 ignored[command] += 1
+                feeds = command if command in ("M82", "M83") else feeds
             else:
                 allowed = "a command of the list in the docstring of read_gcode"
                 raise refusal(f"row {row}", command, allowed)
     if not speeds:
         raise refusal("source", str(source)[:60], "G-code in which something moves in the plane")
-    return Moves(np.array(points), np.array(speeds), np.array(rows), dict(ignored))
+    pushed = np.array(drawn)[:, 0 if fed else 1]
+    return Moves(np.array(points), np.array(speeds), np.array(rows), pushed, dict(ignored))
 
 
 def _rows(text: str) -> Iterator[tuple[int, list[str], dict[str, float]]]:

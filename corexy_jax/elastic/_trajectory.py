@@ -25,6 +25,7 @@ from stickslip.checks import (
 )
 from stickslip.control import InputShaper
 
+from .._arguments import finite
 from ._axis_shapers import AxisShapers
 
 
@@ -56,6 +57,22 @@ class Trajectory(eqx.Module):
         x = place + since * (speed + 0.5 * since * bend)
         v = jnp.where(inside == t, speed + since * bend, 0.0)
         return (x[0], x[1]), (v[0], v[1])
+
+    def travelled(self, t: Numeric) -> Any:
+        """Way along the lines until time `t` [m], a number or one for each of several times."""
+        (t,) = finite(t=t)
+        t, times = jnp.asarray(t), jnp.asarray(self.times)
+        first, rate = (
+            jnp.asarray(jnp.hypot(*jnp.asarray(a).T)) for a in (self.velocities, self.accelerations)
+        )
+        ahead = jnp.sum(jnp.asarray(self.velocities) * jnp.asarray(self.accelerations), axis=1)
+        # Pieces begin at rest, go on evenly, or speed up or slow down along their lines.
+        rate = jnp.where(ahead < 0.0, -rate, rate)
+        spans = jnp.diff(times)
+        begin = jnp.concatenate([jnp.zeros(1), jnp.cumsum(spans * (first + 0.5 * rate * spans))])
+        piece = jnp.clip(jnp.searchsorted(times, t, side="right") - 1, 0, spans.size - 1)
+        since = jnp.clip(t - times[piece], 0.0, spans[piece])
+        return begin[piece] + since * (first[piece] + 0.5 * rate[piece] * since)
 
     @property
     def duration(self) -> Any:

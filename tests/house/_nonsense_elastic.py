@@ -91,6 +91,8 @@ TARGETS = [
             "points": arg([[0.0, 0.0], [0.1, 0.0]], "table"),
             "x": arg([0.0, 0.1], "row"),
             "y": arg([0.0, 0.1], "row"),
+            "lines": arg([0, 0], "none"),
+            "beside": arg(8),
         },
     ),
     Target(
@@ -101,6 +103,7 @@ TARGETS = [
             "speed": arg(0.1, *POSITIVE),
         },
     ),
+    Target(elastic.Trajectory.travelled, {"t": arg(0.1, *FINITE)}, PATH.travelled),
     Target(elastic.Trajectory.breaks, {"shaper": arg(None, "none")}, PATH.breaks),
     Target(elastic.Stepper.lags, ANGLES, STEPPER.lags),
     Target(elastic.Stepper.margin, ANGLES, STEPPER.margin),

@@ -95,3 +95,14 @@ def test_compact_rows_and_those_that_repeat():
     np.testing.assert_allclose(np.hypot(*arc.T), 1.0, rtol=1e-9)
     np.testing.assert_allclose(arc[-1], [1.0, 0.0], atol=1e-12)
     assert moves.ignored == {"G17": 1, "M117": 1}
+
+
+def test_lines_with_filament_are_drawn():
+    """Absolute and relative, set anew, taken back, with a wipe; without filament all but `G0`."""
+    moves = read_gcode(
+        "G1 X1 E1\nG1 X2\nG1 X3 E0.5\nG92 E0\nG1 X4 E0.2\nG1 E-1\nG1 X5 E-0.5\n"
+        "M83\nG1 X6 E0.1\nG1 X7 E-0.1\nM82\nG91\nG1 X1 E0.1\nG90\nG1 X9 E0.05\nG0 X10 E1\n"
+    )
+    drawn = [True, False, False, True, True, True, False, True, True, True]
+    assert moves.drawn.tolist() == drawn
+    assert read_gcode("G1 X1\nG0 X2\nG3 X2 Y2 I0 J1\n").drawn[:3].tolist() == [True, False, True]

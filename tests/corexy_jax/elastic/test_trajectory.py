@@ -128,3 +128,27 @@ def test_contour_errors_are_distances_from_the_lines():
     assert np.max(contour_errors(points, x, y)) < 1e-15
     with pytest.raises(ValueError, match=r"y = .*as x"):
         contour_errors(points, x, y[:-1])
+
+
+def test_lines_of_another_time_do_not_count():
+    """A zigzag whose lines lie closer than the head is off."""
+    points = [[0.0, 0.0], [1.0, 0.0], [1.0, 0.1], [0.0, 0.1], [0.0, 0.2], [1.0, 0.2]]
+    x, y, lines = [0.5, 0.5], [0.14, 0.14], [4, 0]
+    np.testing.assert_allclose(contour_errors(points, x, y), 0.04, atol=1e-15)
+    np.testing.assert_allclose(contour_errors(points, x, y, lines, 1), [0.06, 0.14], atol=1e-15)
+    for wrong in ([0, 5], [-1, 0], [0.5, 0]):
+        with pytest.raises(ValueError, match=r"lines = .*from 0 to 4"):
+            contour_errors(points, x, y, wrong)
+
+
+def test_the_way_is_the_integral_of_the_speed():
+    points = np.array([[0.0, 0.0], [0.2, 0.1], [0.1, 0.1], [0.1, 0.3]])
+    path = trajectory(points, 0.4, acceleration=A, corner_speed=CORNER, begin=0.5)
+    times = jnp.linspace(0.4, 0.6 + float(path.duration), 20_001)
+    speed = np.hypot(*jax.jit(jax.vmap(lambda t: jnp.stack(path(t, None)[1])))(times).T)
+    steps = np.diff(times) * 0.5 * (speed[1:] + speed[:-1])
+    way = np.asarray(jax.jit(lambda t: path.travelled(t))(times))
+    # At a corner the speed jumps within a step of this sum.
+    np.testing.assert_allclose(way[1:], np.cumsum(steps), atol=3.0 * 0.4 * float(times[1] - times[0]))
+    ends = np.sum(np.hypot(*np.diff(points, axis=0).T))
+    assert way[-1] == pytest.approx(ends, rel=1e-14)
