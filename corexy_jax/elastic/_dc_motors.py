@@ -6,7 +6,7 @@ from typing import Any
 import equinox as eqx
 from jaxtyping import PyTree
 
-from stickslip.checks import Given, check_callable
+from stickslip.checks import Given, Numeric, check_callable
 
 from .._arguments import the_machine
 from .._motors import motor_torque
@@ -32,7 +32,7 @@ class DCMotors(eqx.Module):
         self.voltages = check_callable("voltages", voltages, "voltages(t, args)", 0.0, None)
         self.parameters = the_machine(parameters, "parameters")
 
-    def __call__(self, t: Any, angles: tuple, speeds: tuple, args: PyTree) -> tuple[Any, Any]:
+    def __call__(self, t: Numeric, angles: tuple, speeds: tuple, args: PyTree) -> tuple[Any, Any]:
         """Torques of both motors [N m]."""
         first, second = self.voltages(t, args)
         p = self.parameters
