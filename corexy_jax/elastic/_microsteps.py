@@ -68,7 +68,11 @@ def microsteps(
     @jax.jit
     @jax.vmap
     def in_steps(t):
-        (x, y), _ = path(t, None)
+        try:
+            (x, y), _ = path(t, None)
+        except TypeError:
+            allowed = "a function that returns ((x, y), (vx, vy))"
+            raise refusal("path", path, allowed, TypeError) from None
         return jnp.stack([x + y, x - y]) / quantum
 
     span = np.diff(times)

@@ -129,8 +129,8 @@ TARGETS = [
     Target(
         elastic.microsteps,
         {
-            "path": arg(PATH, "function"),
-            "breaks": arg([0.0, 1.1], "row"),
+            "path": arg(command, "function"),
+            "breaks": arg([0.0, 1.1], "times"),
             "r": arg(0.05, *POSITIVE),
             "division": arg(16),
             "steps": arg(200),
