@@ -41,7 +41,7 @@ class ElasticCoreXY(AbstractMechanism):
     each with its ground friction; $F_i = T_{ia} - T_{ib}$ and what comes from the lengths of the spans
     (`Belts`). As $EA \to \infty$ both motors roll, the model DMN1 of `CoreXY`, with a difference
     proportional to $1/EA$. A toothed belt does not slip; whether a tooth is jumped is read off the
-    tensions.
+    tensions, by `tooth_jump`.
 
     **Arguments**
 

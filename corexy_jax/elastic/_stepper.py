@@ -138,7 +138,8 @@ class Stepper(eqx.Module):
         r"""Shares of the angle of pull-out that are left, $1 - 2N|\theta^c - \theta|/\pi$.
 
         1 at the command, 0 a quarter of a period behind it or before it, where the torque is $T$, and
-        negative beyond. A share $s$ of the angle leaves $1 - \cos\frac\pi2s$ of the torque.
+        negative beyond. A share $s$ of the angle leaves $1 - \cos\frac\pi2s$ of the torque. Outputs of
+        a run are mapped over, `jax.vmap(stepper.margin)(t, angles)`.
         """
         share = 2.0 * self.periods / jnp.pi
         one, two = (1.0 - share * jnp.abs(lag) for lag in self.lags(t, angles, args))

@@ -220,6 +220,16 @@ def test_microsteps_are_the_path_rounded():
         microsteps(lambda t, args: ((jnp.sin(t), 0.0 * t), (0.0, 0.0)), [0.0, 3.0], 0.006)
 
 
+def test_a_motor_in_full_steps_rests_at_the_nearest():
+    path = trajectory([[0.0, 0.0], [0.013, 0.002]], 0.1, acceleration=3.0, corner_speed=5e-3)
+    found = microsteps(path, path.breaks(), R, division=1)
+    system = ss.WithBreaks(Rotors(P, Stepper(found, T_M, R, damping=0.3), 0.0), found.breaks())
+    end = ss.simulate(system, 0.0, 0.5, system.start(Lines(0.0, 0.0, 0.0, 0.0))).y1.y
+    step = 2.0 * np.pi / 200
+    for line, whole in ((end.one, 0.015), (end.two, 0.011)):
+        assert float(line) / R == pytest.approx(step * round(whole / R / step), abs=1e-7)
+
+
 def test_teeth_jump_where_the_tensions_part():
     machine = ElasticCoreXY(P, belts(1e5))
     stretches = jnp.asarray([0.0, 1e-4, -3e-4, 2e-4])
