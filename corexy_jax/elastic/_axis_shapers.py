@@ -6,10 +6,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
-from stickslip.checks import Given, Numeric, check_handed_on, check_type
+from stickslip.checks import Given, Numeric, check_type
 from stickslip.control import InputShaper
-
-from .._arguments import finite
 
 
 class AxisShapers(eqx.Module):
@@ -34,7 +32,6 @@ class AxisShapers(eqx.Module):
 
     def __call__(self, t: Numeric, args: PyTree) -> tuple[Any, Any]:
         """Position [m] and velocity [m/s] at time `t` [s]."""
-        (t,), args = finite(t=t), check_handed_on("args", args)
         (x, _), (vx, _) = self.x(t, args)
         (_, y), (_, vy) = self.y(t, args)
         return (x, y), (vx, vy)

@@ -8,3 +8,4 @@ from ._border import share_inside as share_inside
 from ._over_parameter import BasinsOver as BasinsOver
 from ._over_parameter import basins_over as basins_over
 from ._settle import Settle as Settle
+from ._sweep_starts import sweep_starts as sweep_starts

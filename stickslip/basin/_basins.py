@@ -163,7 +163,7 @@ def basins(
         check_type(f"known[{k}]", attractor, Attractor, "an Attractor")
     if integrator is not None:
         check_type("integrator", integrator, Integrator, "an Integrator or None")
-    y, shape = _starts_in(y0, box, points)
+    y, shape = starts_in(y0, box, points)
     lanes = Lanes(system, args, integrator, y0)
     judged = Judged(lanes, settle, y, turns(system, y0), known)
     judged.follow()
@@ -206,7 +206,7 @@ def turns(system: AbstractHybridSystem, y0: PyTree) -> np.ndarray:
     return np.concatenate(parts)
 
 
-def _starts_in(
+def starts_in(
     y0: PyTree, box: Mapping[str, tuple[float, float]], points: Any
 ) -> tuple[np.ndarray, tuple[int, ...]]:
     """Flat states of a box, `[start, size]`, and the shape of their grid."""

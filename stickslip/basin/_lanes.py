@@ -41,9 +41,10 @@ class Lanes:
         self.shooting, self.mode_type = Shooting(integrator=integrator), mode_type(system)
         self.unravel: Callable[[Any], PyTree] = ravel_pytree(y0)[1]
         self.numbers, self.rest = eqx.partition((self.system, self.args), eqx.is_array)
-        self.program = map_lanes(self._run)
+        self.program = map_lanes(self.run)
 
-    def _run(self, numbers, t0, t1, y, mode):
+    def run(self, numbers, t0, t1, y, mode):
+        """One motion from `t0` to `t1` [s]; a mode below zero is the system's own."""
         system, args = eqx.combine(numbers, self.rest)
         state = self.unravel(y)
         own = jnp.asarray(system.initial_mode(t0, state, args), self.mode_type)
@@ -58,8 +59,7 @@ class Lanes:
         )  # fmt: skip
 
     def __call__(self, t0: Any, t1: Any, y: Any, mode: Any) -> Moved:
-        """Motions from `t0` to `t1` [s], one for all or for each lane; a mode below zero is the
-        system's own."""
+        """Motions from `t0` to `t1` [s], one time for all or one for each lane."""
         count = len(y)
         t0, t1 = (np.broadcast_to(np.asarray(t, float), count) for t in (t0, t1))
         found = []

@@ -13,7 +13,14 @@ from ._accuracy import ACCURACY
 
 @jit_by_code
 def _still_between(system, args, unravel, t, mode, one, others):
-    """Whether nothing moves, in the same mode, anywhere on the way from a state to each of others."""
+    def way(other):
+        return still_between(system, args, unravel, t, mode, one, other)
+
+    return jax.lax.map(way, others, batch_size=64)
+
+
+def still_between(system, args, unravel, t, mode, one, other):
+    """Whether nothing moves, in the same mode, anywhere on the way from a state to another."""
     part = jnp.linspace(0.0, 1.0, ACCURACY.many)[1:-1, None]
 
     def at(y):
@@ -23,10 +30,7 @@ def _still_between(system, args, unravel, t, mode, one, others):
             jnp.asarray(system.initial_mode(t, state, args), mode.dtype) == mode
         )
 
-    def way(other):
-        return jnp.all(jax.vmap(at)(one[None, :] + part * (other - one)[None, :]))
-
-    return jax.lax.map(way, others, batch_size=64)
+    return jnp.all(jax.vmap(at)(one[None, :] + part * (other - one)[None, :]))
 
 
 def same_set(lanes: Any, t: float, mode: int, one: np.ndarray, others: np.ndarray) -> np.ndarray:

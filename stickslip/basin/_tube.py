@@ -65,8 +65,13 @@ def distances(tubes: Tube, y: np.ndarray, mode: np.ndarray) -> np.ndarray:
 
 @eqx.filter_jit
 def _distances(tubes: Tube, y: Any, mode: Any) -> Any:
+    return jax.lax.map(lambda lane: distances_of_one(tubes, *lane), (y, mode), batch_size=64)
 
-    def of_one(tube: Tube, y, mode):
+
+def distances_of_one(tubes: Tube, y: Any, mode: Any) -> Any:
+    """How far one state is from each of several tubes, `[tube]`; see `distances`."""
+
+    def of_one(tube: Tube):
         is_angle = jnp.isfinite(tube.turn)
         turn = jnp.where(is_angle, tube.turn, 1.0)[None, :]
 
@@ -91,8 +96,7 @@ def _distances(tubes: Tube, y: Any, mode: Any) -> Any:
         away = jnp.linalg.norm(apart(_cubic(tube, part)[0]), axis=1)
         return jnp.min(jnp.where(tube.mode == mode, away, jnp.inf))
 
-    of_all = jax.vmap(of_one, in_axes=(0, None, None))
-    return jax.lax.map(lambda lane: of_all(tubes, *lane), (y, mode), batch_size=64)
+    return jax.vmap(of_one)(tubes)
 
 
 def _cubic(tube: Tube, s: Any) -> tuple[Any, Any]:

@@ -7,7 +7,7 @@ import numpy as np
 import stickslip as ss
 from stickslip import analysis, derived
 from stickslip.systems import BlockOnBelt, BlockState
-from tests.house._nonsense_engine import ARGS, INTEGRATOR, SWEEP, TIME, _inside
+from tests.house._nonsense_engine import ARGS, INTEGRATOR, SWEEP, TIME, inside
 from tests.house._nonsense_target import Target, arg
 
 BLOCK = BlockOnBelt.constructed(k3=85.0)
@@ -32,7 +32,7 @@ def _logistic(z):
 
 
 def _swept(function):
-    return lambda store=None, **given: function(store=_inside(store), **given)
+    return lambda store=None, **given: function(store=inside(store), **given)
 
 
 TARGETS = [

@@ -7,7 +7,7 @@ import numpy as np
 from stickslip import basin, plot
 from stickslip.systems import Motion
 from tests.house._nonsense_continuation import ORBIT
-from tests.house._nonsense_engine import ARGS, INTEGRATOR, STATE, SYSTEM
+from tests.house._nonsense_engine import ARGS, INTEGRATOR, STATE, SWEEP, SYSTEM, inside
 from tests.house._nonsense_target import Target, arg
 
 BOX = arg({"x": (0.0, 1.0), "v": (0.0, 1.0)})
@@ -42,6 +42,15 @@ TARGETS = [
             "y0": STATE, "box": BOX, "settle": SETTLE, "points": POINTS, "integrator": INTEGRATOR,
             "args": ARGS,
         },
+    ),
+    Target(
+        basin.sweep_starts,
+        {
+            "system": SYSTEM, "found": arg(FOUND), "settle": SETTLE, "points": POINTS,
+            "integrator": INTEGRATOR, "args": ARGS,
+            **{name: SWEEP[name] for name in ("store", "compute", "part")},
+        },
+        lambda store, **given: basin.sweep_starts(store=inside(store), **given),
     ),
     Target(
         basin.border_motion,

@@ -51,7 +51,7 @@ RESPONSE = continuation.FrequencyResponse(np.array([0.2]), RESPONSES, BRANCH, ((
 BACKBONE = continuation.Backbone("stiffness", *(np.ones(1),) * 4, RESPONSES)
 
 
-def _inside(path):
+def inside(path):
     """Not in the working directory."""
     named = isinstance(path, str | os.PathLike) and os.fspath(path)
     return f"{INSIDE.name}/{os.fspath(path)}" if named else path
@@ -164,7 +164,7 @@ TARGETS = [
     Target(
         continuation.save_branch,
         {"branch": arg(BRANCH), "path": arg("branch.nc", "path")},
-        lambda branch, path: continuation.save_branch(branch, _inside(path)),
+        lambda branch, path: continuation.save_branch(branch, inside(path)),
     ),
     Target(
         continuation.load_branch,

@@ -92,7 +92,7 @@ TARGETS = [
             "x": arg([0.0, 0.1], "row"),
             "y": arg([0.0, 0.1], "row"),
             "lines": arg([0, 0], "none"),
-            "beside": arg(8),
+            "beside": arg(8, "count"),
         },
     ),
     Target(

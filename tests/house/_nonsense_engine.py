@@ -153,7 +153,7 @@ ENGINE = [
         ss.enable_compilation_cache,
         {"directory": arg("cache", "none", "path"), "max_bytes": arg(4e9, "positive")},
         lambda directory, max_bytes: ss.enable_compilation_cache(
-            _inside(directory), max_bytes=max_bytes
+            inside(directory), max_bytes=max_bytes
         ),
     ),
     Target(
@@ -163,7 +163,7 @@ ENGINE = [
             "path": arg("program.zip", "path"), "batch": arg(False, "flag"),
             "derivatives": arg(False, "flag"), "units": arg(None, "none", "mapping"),
         },
-        lambda path, **given: ss.export(path=_inside(path), **given),
+        lambda path, **given: ss.export(path=inside(path), **given),
     ),
     Target(
         ss.export_fmu,
@@ -172,7 +172,7 @@ ENGINE = [
             "args": ARGS, "t0": TIME, "inputs": arg((), "none of them"),
             "outputs": arg(None, "none", "mapping"), "integrator": INTEGRATOR,
         },
-        lambda path, **given: ss.export_fmu(path=_inside(path), **given),
+        lambda path, **given: ss.export_fmu(path=inside(path), **given),
     ),
     Target(ss.load, {"path": arg(_program(), "path")}),
     Target(hybrid.piece, {"function": arg(lambda execute, x: x, "constant")}),
@@ -212,7 +212,7 @@ SWEEPS = [
             "function": arg(lambda k: {"x": k}, "function"), "grid": arg({"k": [1.0, 2.0]}),
             "inputs": arg(None, "none", "mapping"), **SWEEP,
         },
-        lambda store, **given: sweep.run_sweep(store=_inside(store), **given),
+        lambda store, **given: sweep.run_sweep(store=inside(store), **given),
     ),
     Target(
         sweep.run_sweep,
@@ -226,7 +226,7 @@ SWEEPS = [
             "by": arg({"x": 0.5}, "results"), "levels": arg(1, "count"), "max_points": arg(100),
             **SWEEP,
         },
-        lambda store, **given: sweep.refine_sweep(store=_inside(store), **given),
+        lambda store, **given: sweep.refine_sweep(store=inside(store), **given),
     ),
     Target(
         sweep.Variable,
@@ -263,7 +263,7 @@ SWEEPS = [
 ]  # fmt: skip
 
 
-def _inside(store):
+def inside(store):
     """Not in the working directory."""
     return f"{INSIDE.name}/{store}" if isinstance(store, str | pathlib.Path) and str(store) else store
 

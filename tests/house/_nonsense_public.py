@@ -82,6 +82,7 @@ EXEMPT_METHODS = {
             "PID.__call__", "Cascade.__call__", "ResetPID.__call__",
             "FrictionFeedforward.__call__", "DisturbanceObserver.__call__",
             "InputShaper.__call__", "Trajectory.__call__", "FirstOrderHold.__call__",
+            "AxisShapers.__call__",
         ),
         CALLED_BY_ENGINE,
     ),

@@ -6,7 +6,14 @@ import pytest
 
 import stickslip as ss
 from stickslip import plot
-from stickslip.basin import Settle, basins, basins_over, border_motion, share_inside
+from stickslip.basin import (
+    Settle,
+    basins,
+    basins_over,
+    border_motion,
+    share_inside,
+    sweep_starts,
+)
 from stickslip.basin._attractor import Search, fixed_point_at
 from stickslip.basin._border import _stays
 from stickslip.basin._lanes import Lanes
@@ -200,3 +207,33 @@ def test_a_map_is_drawn_and_a_dataset(wells):
     assert float(data.x[0]) == -2.0 + 2.0 / 12
     assert "fixed point 1" in data.code.attrs["flag_meanings"]
     assert "fixed point 1: 0.5 +- 0.04" in str(wells)
+
+
+def test_many_starts_in_a_store_are_judged_as_in_the_map(wells, tmp_path):
+    """Two shares of the work, then the rest of it; the same as in one go, and as in the map."""
+    shares = {"settle": Settle(100.0), "points": (12, 12)}
+    storage = ss.sweep.Storage(tmp_path / "a", chunk=36)
+    half = sweep_starts(Wells(), wells, **shares, store=storage, part=(0, 2))
+    assert half.attrs["sweep_state"] != "finished"
+    whole = sweep_starts(Wells(), wells, **shares, store=storage)
+    again = sweep_starts(Wells(), wells, **shares)
+    for name in ("code", "entry"):
+        np.testing.assert_array_equal(whole[name], again[name])
+    np.testing.assert_array_equal(whole.code, wells.code)
+    np.testing.assert_array_equal(whole.entry, wells.entry)
+    assert whole.code.dims == ("x", "v_x")
+    np.testing.assert_allclose(whole.x, wells.starts.x[:, 0], rtol=0)
+    np.testing.assert_allclose(whole.v_x, wells.starts.v_x[0], rtol=0)
+    left = sweep_starts(Wells(), wells, Settle(100.0, limits={"x": (-1.2, 1.2)}), 64)
+    assert set(left.code.values) == {-2, 0, 1}
+    assert left.code.attrs["flag_meanings"].startswith("fixed point 1, fixed point 2, not settled")
+
+
+def test_many_starts_come_to_rests_and_fail(tmp_path):
+    system = TwoWells(0.1, 0.38)
+    found = basins(system, system.state(), SQUARE, Settle(200.0), points=(8, 8))
+    whole = sweep_starts(system, found, Settle(200.0), (8, 8))
+    np.testing.assert_array_equal(whole.code, found.code)
+    few = sweep_starts(system, found, Settle(20.0), 16, integrator=ss.Integrator(max_steps=3))
+    assert set(few.code.values) == {-3}
+    assert np.all(np.isnan(few.entry))
