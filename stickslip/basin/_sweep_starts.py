@@ -80,7 +80,7 @@ def sweep_starts(
 
 
 def _judge_by(found: Basins, settle: Settle, lanes: Lanes) -> Any:
-    """What says of one start, a flat state, to which of the attractors it comes, and when."""
+    """A function that says of one start, a flat state, to which attractor it comes, and when."""
     times = jnp.asarray(np.concatenate([[0.0], settle.times]))
     names = numbers_of(lanes.unravel(jnp.zeros(len(flat(found.starts)) // found.code.size)))
     limits = [(names.index(name), *pair) for name, pair in settle.limits.items()]
