@@ -1,0 +1,252 @@
+"""Stiffness and damping of the belts and friction from accelerations at the head."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from stickslip.checks import (
+    Given,
+    Numeric,
+    Row,
+    check_increasing,
+    check_known,
+    check_type,
+    one_concrete,
+    one_row,
+    refusal,
+    shape_refusal,
+    whole_number,
+)
+from stickslip.identification import Fit, Unknown, least_squares
+
+from .._arguments import the_machine
+from .._parameters import CoreXYParameters
+from ._belts import Belts
+from ._head_response import head_speeds
+from ._trajectory import Trajectory
+
+
+class HeadRecord(eqx.Module):
+    """Accelerations of the collar, and the path along which the motors were commanded meanwhile.
+
+    **Arguments**
+
+    - `path`: a `Trajectory`, such as a `resonance_sweep`, in the coordinates of the machine.
+    - `times` [s]: even, but for missing samples; on a clock of its own, which `fit_belts` finds.
+    - `x`, `y` [m/s²]: rows as long; their means do not matter.
+
+    **Raises** `TypeError`, `ValueError` naming the argument.
+    """
+
+    path: Trajectory
+    times: np.ndarray
+    x: np.ndarray
+    y: np.ndarray
+
+    def __init__(self, path: Given[Trajectory], times: Row, x: Row, y: Row):
+        self.path = check_type("path", path, Trajectory, "a Trajectory")
+        self.times, self.x, self.y = (
+            np.asarray(one_row(name, check_known(name, row), least=64), np.float64)
+            for name, row in (("times", times), ("x", x), ("y", y))
+        )
+        check_increasing("times", self.times)
+        for name, row in (("x", self.x), ("y", self.y)):
+            if row.shape != self.times.shape:
+                raise shape_refusal(name, row, f"as long as times, {self.times.size}")
+            if np.ptp(row) == 0.0:
+                raise refusal(name, row, "a row that changes")
+
+    @property
+    def step(self) -> float:
+        """Time from sample to sample [s]."""
+        return float(np.median(np.diff(self.times)))
+
+    @property
+    def noise(self) -> float:
+        """Standard deviation of a sample [m/s²], by the middle size of third differences: jumps, as
+        friction makes them, are few among them."""
+        rest = np.abs(np.concatenate([np.diff(self.x, 3), np.diff(self.y, 3)]))
+        return float(np.median(rest)) / (0.6745 * 20.0**0.5)
+
+
+class BeltFit(NamedTuple):
+    """What records show of the belts.
+
+    - `fit` of `EA_1`, `EA_2` [N], `retardation` [s], `mu` (of all contacts), and for each record
+      `begin[number]` [s], the time of its clock at which the path began.
+    - `times` [s], `measured`, `computed` [m/s²], `[window, 2]`, of each record: means over windows.
+    - `unexplained`: root mean square of the residuals over that of what was measured.
+
+    `fit.interval(robust=True)` does not trust the noise, and takes residuals as large as they are and
+    as long as they hang together; it knows nothing of masses, motors and lengths that were stated
+    wrong.
+    """
+
+    fit: Fit
+    times: tuple[np.ndarray, ...]
+    measured: tuple[np.ndarray, ...]
+    computed: tuple[np.ndarray, ...]
+    unexplained: float
+
+
+class _Windows(NamedTuple):
+    """Of one record: ends of windows [s] of the record's clock, which of the windows are whole, what
+    was measured there, speeds of the command, the step [s], the first guess of its begin [s]."""
+
+    edges: np.ndarray
+    whole: np.ndarray
+    measured: np.ndarray
+    command: np.ndarray
+    step: float
+    begin: float
+
+
+def fit_belts(
+    parameters: Given[CoreXYParameters],
+    belts: Given[Belts],
+    records: Given[HeadRecord | Sequence[HeadRecord]],
+    *,
+    holding: Numeric,
+    damping: Numeric = 0.0,
+    window: int = 8,
+) -> BeltFit:
+    r"""Fit the machine, at small motions and with its friction, to what its head has measured.
+
+    **Seen** are the stiffnesses of both belts at the place of each record, by the frequencies and by
+    what is felt across the commanded axis; their damping; friction as far as it is not small beside
+    the forces of inertia. All as ratios to the masses, which are taken as given, as are `holding`
+    and the frame: at one place a wrong frame is a factor of $EA$ and fits as well. Records at places
+    far apart do not agree with it. **Not seen** is the tension, which moves no frequency of the
+    machine while no span is slack: a free span tells it (`pluck_tone`).
+
+    Accelerations are compared as means over windows of samples, those of the model as differences of
+    its speed: friction makes them jump, and a jump is not where a sample is. Kinetic and static
+    friction are taken as equal, and as the one coefficient `mu` of all contacts.
+
+    **Arguments**
+
+    - `parameters`, `belts`: what is known, and where the fit begins; stiffnesses may be wrong by half.
+    - `records`: a `HeadRecord` or several. `window`: samples, of which the slowest vibration should
+      have 40 in a period.
+    - `holding` [N m/rad], positive, `Stepper.stiffness`; `damping` [N m s/rad]: of the motors.
+
+    **Returns** a `BeltFit`. **Raises** `TypeError`, `ValueError` naming the argument. It reads numbers
+    and does not work under `jit`.
+    """
+    p = the_machine(parameters, "parameters")
+    check_type("belts", belts, Belts, "Belts")
+    rows = (records,) if isinstance(records, HeadRecord) else records
+    if not isinstance(rows, tuple | list) or not rows:
+        raise refusal("records", records, "a HeadRecord or several", TypeError)
+    for i, record in enumerate(rows):
+        check_type(f"records[{i}]", record, HeadRecord, "a HeadRecord")
+    motor = (
+        float(one_concrete("holding", holding, "positive")),
+        float(one_concrete("damping", damping, "not negative")),
+    )
+    whole_number("window", window, 1, min(record.times.size for record in rows) // 16)
+    cut = [_windows(record, window) for record in rows]
+    places = [np.asarray(record.path.positions)[0] for record in rows]
+    sizes = [float(np.std(part.measured[part.whole])) for part in cut]
+    noise = [
+        max(r.noise / window**0.5, 1e-3 * size) for r, size in zip(rows, sizes, strict=True)
+    ]
+
+    def computed(values):
+        guess = eqx.tree_at(lambda a: a.mu_k, p, values["mu"])
+        now = Belts(belts.frame, values["EA_1"], values["EA_2"], values["retardation"])
+        return [
+            _means(head_speeds(guess, now, place, motor, jnp.asarray(part.command), part.step),
+                   part, values[f"begin[{i}]"])
+            for i, (part, place) in enumerate(zip(cut, places, strict=True))
+        ]  # fmt: skip
+
+    def residual(values):
+        found = zip(computed(values), cut, noise, strict=True)
+        return jnp.concatenate(
+            [((own - part.measured[part.whole]) / sd).ravel() for own, part, sd in found]
+        )
+
+    begins = {
+        f"begin[{i}]": Unknown(part.begin, scale=part.step, unit="s") for i, part in enumerate(cut)
+    }
+    other = {"retardation": max(float(belts.retardation), 1e-5), "mu": max(float(p.mu_k), 1e-3)}
+    fit = least_squares(residual, _nearest(residual, belts, other, begins))
+    numbers = jnp.concatenate(
+        [i * most + jnp.repeat(jnp.arange(int(part.whole.sum())), 2) for i, part in enumerate(cut)]
+    ) if (most := max(int(part.whole.sum()) for part in cut)) else None
+    fit = dataclasses.replace(fit, instants=numbers, grid=(len(cut), most))
+    own = [np.asarray(row) for row in jax.jit(computed)(fit.values)]
+    middles = [0.5 * (part.edges[1:] + part.edges[:-1])[part.whole] for part in cut]
+    measured = [part.measured[part.whole] for part in cut]
+    off = sum(float(np.sum((a - b) ** 2)) for a, b in zip(own, measured, strict=True))
+    all_of = sum(float(np.sum(a**2)) for a in measured)
+    return BeltFit(fit, tuple(middles), tuple(measured), tuple(own), (off / all_of) ** 0.5)
+
+
+def _nearest(residual: Any, belts: Belts, other: dict, begins: dict) -> dict[str, Any]:
+    """Unknowns from where the fit begins: the best of common factors of both stiffnesses."""
+    held = {name: float(unknown.start) for name, unknown in begins.items()}
+    cost = jax.jit(lambda values: jnp.sum(residual(values) ** 2))
+    found = []
+    for factor in np.geomspace(0.6, 1.6, 11):
+        own = {"EA_1": float(belts.EA_1) * factor, "EA_2": float(belts.EA_2) * factor}
+        found.append((float(cost({**own, **other, **held})), own))
+    best = min(found, key=lambda pair: pair[0])[1]
+    return {**best, **other, **begins}
+
+
+def _windows(record: HeadRecord, window: int) -> _Windows:
+    """Means of the samples of a record, as far as its path and 0.1 s before and after it go."""
+    t, step, margin = record.times, record.step, 0.1
+    path = record.path
+    seconds = float(path.times[-1] - path.times[0])
+    begin = _begin(record)
+    ends = np.arange(0, t.size - window, window) + window
+    edges = 0.5 * (t[ends - 1] + t[ends])
+    rows = np.stack([record.x, record.y], axis=1)
+    sums = np.concatenate([np.zeros((1, 2)), np.cumsum(rows, axis=0)])
+    measured = (sums[ends[1:]] - sums[ends[:-1]]) / window
+    whole = np.abs(np.diff(edges) / (window * step) - 1.0) < 0.5 / window
+    whole &= (edges[:-1] > begin - margin) & (edges[1:] < begin + seconds + margin)
+    if int(whole.sum()) < 16:
+        raise refusal("times", t, f"of 16 windows without gaps during the path of {seconds:g} s")
+    h = 0.25 * step
+    count = int(np.ceil((seconds + 2.0 * margin) / h))
+    (_, speeds) = jax.vmap(lambda t: path(t, None))(float(path.times[0]) + h * jnp.arange(count + 1))
+    measured = measured - np.mean(measured[whole], axis=0)
+    return _Windows(edges, whole, measured, np.stack(speeds, axis=1), h, begin)
+
+
+def _begin(record: HeadRecord) -> float:
+    """The time of a record's clock at which what was measured is most like what was commanded."""
+    path, step = record.path, record.step
+    since = np.arange(0.0, float(path.times[-1] - path.times[0]), step)
+    piece = np.searchsorted(np.asarray(path.times), float(path.times[0]) + since, side="right") - 1
+    asked = np.asarray(path.accelerations)[np.clip(piece, 0, len(path.accelerations) - 1)]
+    even = np.arange(record.times[0], record.times[-1], step)
+    size = even.size + since.size
+    total = 0.0
+    for row, command in ((record.x, asked[:, 0]), (record.y, asked[:, 1])):
+        found = np.interp(even, record.times, row)
+        product = np.fft.rfft(found - np.mean(found), size) * np.conj(np.fft.rfft(command, size))
+        total = total + np.fft.irfft(product, size)
+    at = int(np.argmax(np.asarray(total)))
+    return float(record.times[0] + step * (at if at < even.size else at - size))
+
+
+def _means(speeds: Array, part: _Windows, begin: Any) -> Float[Array, "window 2"]:
+    """Means of the acceleration [m/s²] over the windows that are whole, without their own mean."""
+    at = (jnp.asarray(part.edges) - begin) / part.step
+    at = jnp.clip(at, 0.0, speeds.shape[0] - 1.0)
+    below = jnp.clip(jax.lax.stop_gradient(at).astype(jnp.int32), 0, speeds.shape[0] - 2)
+    share = (at - below)[:, None]
+    v = (1.0 - share) * speeds[below] + share * speeds[below + 1]
+    means = ((v[1:] - v[:-1]) / np.diff(part.edges)[:, None])[part.whole]
+    return means - jnp.mean(means, axis=0, keepdims=True)
