@@ -26,6 +26,6 @@ from ._stepper import Stepper as Stepper
 from ._sweep import resonance_sweep as resonance_sweep
 from ._tooth_jump import tooth_jump as tooth_jump
 from ._tooth_jump import ToothJump as ToothJump
-from ._trajectory import trajectory as trajectory
 from ._trajectory import Trajectory as Trajectory
+from ._trajectory import trajectory as trajectory
 from ._winding import Winding as Winding

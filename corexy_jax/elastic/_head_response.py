@@ -11,13 +11,14 @@ from .._contacts import NORMALS, contact_loads, line_masses
 from .._parameters import CoreXYParameters
 from ._belts import Belts
 from ._resonances import STRETCH
+from ._stepper import Stepper
 
 FIELD = np.array([0.0, 0.0, 1.0, 1.0])  # the coordinates that the field of a motor pulls at
 TRAVELS = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, -1.0]])  # coordinates by (x, y)
 
 
 def head_speeds(
-    p: CoreXYParameters, belts: Belts, place: Any, motor: Any, command: Array, h: Any
+    p: CoreXYParameters, belts: Belts, place: Any, motor: Stepper, command: Array, h: Any
 ) -> Float[Array, "step 2"]:
     r"""Speed of the collar [m/s] along `x` and `y` at times $nh$, from rest.
 
@@ -26,22 +27,22 @@ def head_speeds(
     $$M\ddot u + D\dot u + Ku = -M\ddot q^c - D_m\dot q^c - \sum_c n_c F_c\,\mathrm{Sign}(n_c\dot q)$$
 
     with $K$ of `resonances`, $D = \tau K_{belts} + D_m$. Steps of the linear part are exact for a
-    command of constant acceleration within each; between them the impulses $hF_c$ of kinetic friction
-    act, which end a sliding within one step and hold a contact that rests (J. J. Moreau, 1988). No
-    span may become slack.
+    command of constant acceleration within each; between them the impulses of kinetic friction act, not
+    above $hF_c$, such that the mean of the speeds before and after has the sign of the force, or is 0
+    (J. J. Moreau, 1988, with the rule of the midpoint). No span may become slack.
 
-    **Arguments:** `place`: `x`, `y` [m]; `motor`: stiffness of its field [N m/rad] and its damping
-    [N m s/rad]; `command`: speeds `[step, 2]` [m/s] at the times; `h` [s].
+    What a motor at a larger lag has less than its stiffness says is one more impulse.
+
+    **Arguments:** `place`: `x`, `y` [m]; `motor`, whose path and detent are not used; `command`: speeds
+    `[step, 2]` [m/s] at the times; `h` [s].
     """
     mass = jnp.stack([jnp.asarray(m, jnp.float64) for m in line_masses(p)])
-    holding, damping = (a / p.r**2 * jnp.asarray(FIELD) for a in motor)
+    holding, damping = (a / motor.r**2 * jnp.asarray(FIELD) for a in (motor.stiffness, motor.damping))
     grip = jnp.asarray(STRETCH)
     elastic = grip.T @ (jnp.stack(belts.stiffness(*place))[:, None] * grip)
     rates = jnp.zeros((12, 12)).at[:4, 4:8].set(jnp.eye(4)).at[4:8, 8:].set(jnp.eye(4))
     rates = rates.at[4:8, :4].set(-(elastic + jnp.diag(holding)) / mass[:, None])
-    rates = rates.at[4:8, 4:8].set(
-        -(belts.retardation * elastic + jnp.diag(damping)) / mass[:, None]
-    )
+    rates = rates.at[4:8, 4:8].set(-(belts.retardation * elastic + jnp.diag(damping)) / mass[:, None])
     step_of = jax.scipy.linalg.expm(h * rates)
     rigid = command @ jnp.asarray(TRAVELS.T)
     pushed = -(rigid[1:] - rigid[:-1]) / h - 0.5 * (rigid[1:] + rigid[:-1]) * (damping / mass)[None]
@@ -51,8 +52,12 @@ def head_speeds(
         z, held = state
         free, ahead = row
         z = step_of[:8, :8] @ z + free
-        w, held = _rubbed(z[4:] + ahead, held, mass, limits)
-        return (jnp.concatenate([z[:4], w - ahead]), held), 0.5 * (z[4:6] + w[:2] + ahead[:2])
+        turn = motor.periods * z[2:4] / motor.r
+        weaker = motor.torque / motor.r * (turn - jnp.sin(turn))
+        before = z[4:] + ahead + jnp.concatenate([jnp.zeros(2), h * weaker / mass[2:]])
+        mean, held = _rubbed(before, held, 2.0 * mass, limits)
+        after = 2.0 * mean - before
+        return (jnp.concatenate([z[:4], after - ahead]), held), mean[:2]
 
     still = jnp.zeros(8), (jnp.zeros(()),) * 4
     _, speeds = jax.lax.scan(step, still, (pushed @ step_of[:8, 8:].T, rigid[1:]))
@@ -60,8 +65,8 @@ def head_speeds(
 
 
 def _rubbed(v: Array, held: tuple, mass: Array, limits: list) -> tuple[Array, tuple]:
-    """Speeds after the impulses of friction, and these impulses [N s] of the contacts of the collar,
-    from those of the step before on: it hangs at four contacts, so that they are found in turn."""
+    """Speeds of masses after the impulses of friction, and these impulses [N s] of the contacts of the
+    collar, from those of the step before on: it hangs at four, so that they are found in turn."""
     motors = [
         jnp.sign(v[k]) * jnp.maximum(jnp.abs(v[k]) - limits[2 + k] / mass[k], 0.0) for k in (2, 3)
     ]

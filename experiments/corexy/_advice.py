@@ -51,7 +51,7 @@ def advice(
         )
     else:
         half = SURE * _error_of_difference(fit, fitted, chi_squared > GOOD)
-        said.append(_looser(tensions["P1"], tensions["P2"], half))
+        said.append(looser(tensions["P1"], tensions["P2"], half))
         said += [
             f"The tension {name} = {value:.4g} N was taken as given."
             for name, value in tensions.items() if name not in fitted
@@ -72,7 +72,7 @@ def _error_of_difference(fit: Fit, names: list[str], robust: bool) -> float:
     return math.sqrt(float(signs @ covariance @ signs))
 
 
-def _looser(one: float, two: float, half: float) -> str:
+def looser(one: float, two: float, half: float) -> str:
     """Which belt is looser by how much [N], and what to do."""
     less = abs(one - two)
     if less <= half:
