@@ -21,6 +21,7 @@ from stickslip.checks import (
     shape_refusal,
     whole_number,
 )
+from stickslip.hybrid import jit_plainly
 from stickslip.identification import Fit, LevenbergMarquardt, Unknown, least_squares
 
 from ._belts import Belts
@@ -94,13 +95,13 @@ class BeltFit(NamedTuple):
 
 
 class _Windows(NamedTuple):
-    """Of one record: ends of windows [s] of the record's clock, which of the windows are whole, what
+    """Of one record: ends of windows [s] of the record's clock, numbers of those that are whole, what
     was measured there, speeds of the command, the step [s], the first guess of its begin [s]."""
 
-    edges: np.ndarray
-    whole: np.ndarray
-    measured: np.ndarray
-    command: np.ndarray
+    edges: Array
+    whole: Array
+    measured: Array
+    command: Array
     step: float
     begin: float
 
@@ -140,43 +141,60 @@ def fit_belts(
     for i, record in enumerate(rows):
         check_type(f"records[{i}]", record, HeadRecord, "a HeadRecord")
     whole_number("window", window, 1, min(record.times.size for record in rows) // 16)
-    cut = [_windows(record, window) for record in rows]
-    places = [np.asarray(record.path.positions)[0] for record in rows]
-    sizes = [float(np.std(part.measured[part.whole])) for part in cut]
-    noise = [max(r.noise / window**0.5, 1e-3 * size) for r, size in zip(rows, sizes, strict=True)]
-
-    def computed(values, cut):
-        guess = eqx.tree_at(lambda a: a.mu_k, p, values["mu"])
-        now = Belts(belts.frame, values["EA_1"], values["EA_2"], values["retardation"])
-        return [
-            _means(head_speeds(guess, now, place, stepper, jnp.asarray(part.command), part.step),
-                   part, values[f"begin[{i}]"])
-            for i, (part, place) in enumerate(zip(cut, places, strict=True))
-        ]  # fmt: skip
-
-    @_with_even_slopes
-    def residual(values):
-        found = zip(computed(values, cut), cut, noise, strict=True)
-        return jnp.concatenate(
-            [((own - part.measured[part.whole]) / sd).ravel() for own, part, sd in found]
-        )
-
-    begins = {
-        f"begin[{i}]": Unknown(part.begin, scale=1e-3, unit="s") for i, part in enumerate(cut)
-    }
+    cut = tuple(_windows(record, window) for record in rows)
+    places = tuple(np.asarray(record.path.positions)[0] for record in rows)
+    noise = tuple(
+        max(r.noise / window**0.5, 1e-3 * float(np.std(part.measured)))
+        for r, part in zip(rows, cut, strict=True)
+    )
+    data = (p, belts, stepper, places, cut, noise)
+    begins = {f"begin[{i}]": Unknown(part.begin, scale=1e-3, unit="s") for i, part in enumerate(cut)}
     other = {"retardation": max(float(belts.retardation), 1e-5), "mu": max(float(p.mu_k), 1e-3)}
     method = LevenbergMarquardt(tolerance=1e-5)
-    fit = least_squares(residual, _nearest(residual, belts, other, begins), method)
-    counts = [int(part.whole.sum()) for part in cut]
+    start = _nearest(data, {**other, **begins})
+    fit = least_squares(_with_even_slopes(lambda values: _residual(values, data)), start, method)
+    counts = [len(part.whole) for part in cut]
     instants = [i * max(counts) + np.repeat(np.arange(n), 2) for i, n in enumerate(counts)]
     grid = len(cut), max(counts)
     fit = dataclasses.replace(fit, instants=jnp.asarray(np.concatenate(instants)), grid=grid)
-    own = [np.asarray(row) for row in jax.jit(computed)(fit.values)]
-    middles = [0.5 * (part.edges[1:] + part.edges[:-1])[part.whole] for part in cut]
-    measured = [part.measured[part.whole] for part in cut]
+    own = [np.asarray(row) for row in _alone(fit.values, data)]
+    middles = [np.asarray(0.5 * (part.edges[1:] + part.edges[:-1])[part.whole]) for part in cut]
+    measured = [np.asarray(part.measured) for part in cut]
     off = sum(float(np.sum((a - b) ** 2)) for a, b in zip(own, measured, strict=True))
     all_of = sum(float(np.sum(a**2)) for a in measured)
     return BeltFit(fit, tuple(middles), tuple(measured), tuple(own), (off / all_of) ** 0.5)
+
+
+def _computed(values: dict, data: tuple) -> list[Array]:
+    """Means of the acceleration of the head over the windows of each record [m/s²]."""
+    p, belts, stepper, places, cut, _ = data
+    guess = eqx.tree_at(lambda a: a.mu_k, p, values["mu"])
+    now = Belts(belts.frame, values["EA_1"], values["EA_2"], values["retardation"])
+    return [
+        _means(head_speeds(guess, now, place, stepper, part.command, part.step), part,
+               values[f"begin[{i}]"])
+        for i, (part, place) in enumerate(zip(cut, places, strict=True))
+    ]  # fmt: skip
+
+
+_alone = jit_plainly(_computed)
+
+
+def _residual(values: dict, data: tuple) -> Array:
+    found = zip(_computed(values, data), *data[-2:], strict=True)
+    return jnp.concatenate([((own - part.measured) / sd).ravel() for own, part, sd in found])
+
+
+@jit_plainly
+def _costs(factors: Array, held: dict, data: tuple) -> Array:
+    """Sums of squares with both stiffnesses multiplied by factors."""
+    one, two = data[1].EA_1, data[1].EA_2
+
+    def cost(factor):
+        values = {"EA_1": one * factor, "EA_2": two * factor, **held}
+        return jnp.sum(_residual(values, data) ** 2)
+
+    return jax.vmap(cost)(factors)
 
 
 def _with_even_slopes(function: Callable[[dict], Array]) -> Callable[[dict], Array]:
@@ -207,16 +225,12 @@ def _with_even_slopes(function: Callable[[dict], Array]) -> Callable[[dict], Arr
     return even
 
 
-def _nearest(residual: Any, belts: Belts, other: dict, begins: dict) -> dict[str, Any]:
+def _nearest(data: tuple, other: dict) -> dict[str, Any]:
     """Unknowns from where the fit begins: the best of common factors of both stiffnesses."""
-    held = {name: float(unknown.start) for name, unknown in begins.items()}
-    cost = jax.jit(lambda values: jnp.sum(residual(values) ** 2))
-    found = []
-    for factor in np.geomspace(0.6, 1.6, 11):
-        own = {"EA_1": float(belts.EA_1) * factor, "EA_2": float(belts.EA_2) * factor}
-        found.append((float(cost({**own, **other, **held})), own))
-    best = min(found, key=lambda pair: pair[0])[1]
-    return {**best, **other, **begins}
+    factors = np.geomspace(0.6, 1.6, 11)
+    held = {name: jnp.asarray(getattr(value, "start", value)) for name, value in other.items()}
+    factor = float(factors[int(np.argmin(_costs(jnp.asarray(factors), held, data)))])
+    return {"EA_1": float(data[1].EA_1) * factor, "EA_2": float(data[1].EA_2) * factor, **other}
 
 
 def _windows(record: HeadRecord, window: int) -> _Windows:
@@ -236,9 +250,12 @@ def _windows(record: HeadRecord, window: int) -> _Windows:
         raise refusal("times", t, f"of 16 windows without gaps during the path of {seconds:g} s")
     h = 0.25 * step
     count = int(np.ceil((seconds + 2.0 * margin) / h))
-    (_, speeds) = jax.vmap(lambda t: path(t, None))(jnp.asarray(float(path.times[0]) + h * np.arange(count + 1)))
-    measured = measured - np.mean(measured[whole], axis=0)
-    return _Windows(edges, whole, measured, np.stack(speeds, axis=1), h, begin)
+    (_, speeds) = jax.vmap(lambda t: path(t, None))(
+        jnp.asarray(float(path.times[0]) + h * np.arange(count + 1))
+    )
+    measured = measured[whole] - np.mean(measured[whole], axis=0)
+    rows = (edges, np.flatnonzero(whole), measured, jnp.stack(speeds, axis=1))
+    return _Windows(*(jnp.asarray(row) for row in rows), h, begin)
 
 
 def _begin(record: HeadRecord) -> float:
@@ -260,10 +277,10 @@ def _begin(record: HeadRecord) -> float:
 
 def _means(speeds: Array, part: _Windows, begin: Any) -> Float[Array, "window 2"]:
     """Means of the acceleration [m/s²] over the windows that are whole, without their own mean."""
-    at = (jnp.asarray(part.edges) - begin) / part.step
+    at = (part.edges - begin) / part.step
     at = jnp.clip(at, 0.0, speeds.shape[0] - 1.0)
     below = jnp.clip(jax.lax.stop_gradient(at).astype(jnp.int32), 0, speeds.shape[0] - 2)
     share = (at - below)[:, None]
     v = (1.0 - share) * speeds[below] + share * speeds[below + 1]
-    means = ((v[1:] - v[:-1]) / np.diff(part.edges)[:, None])[part.whole]
+    means = ((v[1:] - v[:-1]) / jnp.diff(part.edges)[:, None])[part.whole]
     return means - jnp.mean(means, axis=0, keepdims=True)
