@@ -7,15 +7,15 @@ from ._belts import Spans as Spans
 from ._contour import contour_errors as contour_errors
 from ._dc_motors import DCMotors as DCMotors
 from ._fit_belts import BeltFit as BeltFit
-from ._fit_belts import fit_belts as fit_belts
 from ._fit_belts import HeadRecord as HeadRecord
+from ._fit_belts import fit_belts as fit_belts
 from ._gcode import Moves as Moves
 from ._gcode import read_gcode as read_gcode
 from ._lost_motion import lost_motion as lost_motion
 from ._machine import ElasticCoreXY as ElasticCoreXY
 from ._microsteps import microsteps as microsteps
-from ._printer import desktop_printer as desktop_printer
 from ._printer import Printer as Printer
+from ._printer import desktop_printer as desktop_printer
 from ._resonances import Resonances as Resonances
 from ._resonances import resonances as resonances
 from ._span import Pluck as Pluck
@@ -24,8 +24,8 @@ from ._span import span_frequency as span_frequency
 from ._span import span_tension as span_tension
 from ._stepper import Stepper as Stepper
 from ._sweep import resonance_sweep as resonance_sweep
-from ._tooth_jump import tooth_jump as tooth_jump
 from ._tooth_jump import ToothJump as ToothJump
+from ._tooth_jump import tooth_jump as tooth_jump
 from ._trajectory import Trajectory as Trajectory
 from ._trajectory import trajectory as trajectory
 from ._winding import Winding as Winding

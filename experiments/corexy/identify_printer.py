@@ -74,7 +74,7 @@ def _verdict(found: BeltFit) -> str:
     if not bool(found.fit.successful) or not found.unexplained < SAME:
         return (
             f"VOID: the residuals are {left}, and {white}: the machine computed is not the one "
-            "measured, or was not commanded so. Check along, f0, f1, rate, per_hz, the place x, y, the masses."
+            "measured, or was not commanded so. Check along, f0, f1, rate, per_hz, x, y and the masses."
         )
     if chi > GOOD:
         word = "USABLE WITH CARE" if chi < FAR else "DOUBTFUL"
