@@ -148,10 +148,9 @@ def fit_belts(
         for r, part in zip(rows, cut, strict=True)
     )
     data = (p, belts, stepper, places, cut, noise)
-    begins = {f"begin[{i}]": Unknown(part.begin, scale=1e-3, unit="s") for i, part in enumerate(cut)}
     other = {"retardation": max(float(belts.retardation), 1e-5), "mu": max(float(p.mu_k), 1e-3)}
     method = LevenbergMarquardt(tolerance=1e-5)
-    start = _nearest(data, {**other, **begins})
+    start = _nearest(data, other)
     fit = least_squares(_with_even_slopes(lambda values: _residual(values, data)), start, method)
     counts = [len(part.whole) for part in cut]
     instants = [i * max(counts) + np.repeat(np.arange(n), 2) for i, n in enumerate(counts)]
@@ -165,16 +164,19 @@ def fit_belts(
     return BeltFit(fit, tuple(middles), tuple(measured), tuple(own), (off / all_of) ** 0.5)
 
 
-def _computed(values: dict, data: tuple) -> list[Array]:
-    """Means of the acceleration of the head over the windows of each record [m/s²]."""
+def _speeds(values: dict, data: tuple) -> list[Array]:
+    """Speeds of the head in the steps of each record [m/s]."""
     p, belts, stepper, places, cut, _ = data
     guess = eqx.tree_at(lambda a: a.mu_k, p, values["mu"])
     now = Belts(belts.frame, values["EA_1"], values["EA_2"], values["retardation"])
-    return [
-        _means(head_speeds(guess, now, place, stepper, part.command, part.step), part,
-               values[f"begin[{i}]"])
-        for i, (part, place) in enumerate(zip(cut, places, strict=True))
-    ]  # fmt: skip
+    pairs = zip(places, cut, strict=True)
+    return [head_speeds(guess, now, x, stepper, part.command, part.step) for x, part in pairs]
+
+
+def _computed(values: dict, data: tuple) -> list[Array]:
+    """Means of the acceleration of the head over the windows of each record [m/s²]."""
+    found = enumerate(zip(_speeds(values, data), data[4], strict=True))
+    return [_means(speeds, part, values[f"begin[{i}]"]) for i, (speeds, part) in found]
 
 
 _alone = jit_plainly(_computed)
@@ -186,13 +188,22 @@ def _residual(values: dict, data: tuple) -> Array:
 
 
 @jit_plainly
-def _costs(factors: Array, held: dict, data: tuple) -> Array:
-    """Sums of squares with both stiffnesses multiplied by factors."""
-    one, two = data[1].EA_1, data[1].EA_2
+def _costs(factors: Array, held: dict, data: tuple) -> tuple[Array, Array]:
+    """Sums of squares with both stiffnesses multiplied by factors, and the begins [s] of each record
+    with which they are least, up to 60 ms from where the command fits best: the answer is late."""
+    shifts = jnp.asarray(np.linspace(-0.06, 0.06, 121))
 
     def cost(factor):
-        values = {"EA_1": one * factor, "EA_2": two * factor, **held}
-        return jnp.sum(_residual(values, data) ** 2)
+        values = {"EA_1": data[1].EA_1 * factor, "EA_2": data[1].EA_2 * factor, **held}
+        total, begins = jnp.zeros(()), []
+        for speeds, part, sd in zip(_speeds(values, data), *data[-2:], strict=True):
+            found = jax.vmap(lambda t, s=speeds, part=part: _means(s, part, t))(part.begin + shifts)
+            squares = jnp.sum(((found - part.measured[None]) / sd) ** 2, axis=(1, 2))
+            total, begins = (
+                total + jnp.min(squares),
+                [*begins, shifts[jnp.argmin(squares)] + part.begin],
+            )
+        return total, jnp.stack(begins)
 
     return jax.vmap(cost)(factors)
 
@@ -227,10 +238,15 @@ def _with_even_slopes(function: Callable[[dict], Array]) -> Callable[[dict], Arr
 
 def _nearest(data: tuple, other: dict) -> dict[str, Any]:
     """Unknowns from where the fit begins: the best of common factors of both stiffnesses."""
-    factors = np.geomspace(0.6, 1.6, 11)
-    held = {name: jnp.asarray(getattr(value, "start", value)) for name, value in other.items()}
-    factor = float(factors[int(np.argmin(_costs(jnp.asarray(factors), held, data)))])
-    return {"EA_1": float(data[1].EA_1) * factor, "EA_2": float(data[1].EA_2) * factor, **other}
+    factors = np.geomspace(0.6, 1.6, 21)
+    held = {name: jnp.asarray(value) for name, value in other.items()}
+    costs, begins = _costs(jnp.asarray(factors), held, data)
+    best = int(np.argmin(costs))
+    own = {"EA_1": data[1].EA_1, "EA_2": data[1].EA_2}
+    found = {name: float(value) * float(factors[best]) for name, value in own.items()} | other
+    for i, begin in enumerate(np.asarray(begins)[best]):
+        found[f"begin[{i}]"] = Unknown(float(begin), scale=1e-3, unit="s")
+    return found
 
 
 def _windows(record: HeadRecord, window: int) -> _Windows:

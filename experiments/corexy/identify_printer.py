@@ -14,7 +14,7 @@ from stickslip.identification import ljung_box
 
 from .._data import listed
 from .._experiment import Context, Experiment
-from ._advice import FAR, GOOD, SURE, looser
+from ._advice import GOOD, SURE, looser
 from ._printer_log import COLUMNS, machine_of, path_of, read_columns, read_pluck, write_example
 
 NAMES = ("EA_1", "EA_2", "retardation", "mu")
@@ -77,7 +77,7 @@ def _verdict(found: BeltFit) -> str:
             "measured, or was not commanded so. Check along, f0, f1, rate, per_hz, x, y and the masses."
         )
     if chi > GOOD:
-        word = "USABLE WITH CARE" if chi < FAR else "DOUBTFUL"
+        word = "USABLE WITH CARE" if found.unexplained < 0.3 * SAME else "DOUBTFUL"
         return (
             f"{word}: the residuals are {left}, and {white}: the model is not quite this machine. "
             "Intervals take the residuals as large and as long together as they are; they do not see "
