@@ -62,7 +62,7 @@ def resonance_sweep(
         raise refusal("f1", f1, f"not below f0 = {low}")
     slowest = 2e-6 * (high - low) * (high + low)
     if not growth >= slowest:
-        raise refusal("rate", rate, f"not below {slowest:g}: it would be more than a million pieces")
+        raise refusal("rate", rate, f"not below {slowest:g}: a million pieces from f0 to f1")
     place = np.array([float(one_concrete(name, value)) for name, value in (("x", x), ("y", y))])
     start = float(one_concrete("begin", begin))
     frequencies = [low]

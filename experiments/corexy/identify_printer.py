@@ -109,7 +109,7 @@ def analysed(log: pathlib.Path, parameters: dict[str, Any]) -> xr.Dataset:
             f"EA of belt {k}: {value[f'EA_{k}']:.6g} N +- {half[f'EA_{k}']:.2g} N (95%)."
             for k in (1, 2)
         ),
-        f"Belt 1 is {stiffer} belt 2, +- {off:.1%}."
+        f"Belt 1 is {stiffer} belt 2, +- {100.0 * off:.2g}%."
         + ("" if same else " Tension does not do that: other belts, wear, or other lengths."),
         f"Damping of the belts: {value['retardation']:.4g} +- {half['retardation']:.2g} s.",
         f"Friction of rails and pulleys: {value['mu']:.4g} +- {half['mu']:.2g} of the load.",

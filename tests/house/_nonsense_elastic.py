@@ -22,6 +22,9 @@ WINDING = elastic.Winding(24.0, 1.7, 1.5, 2.8e-3)
 STATE = MACHINE.at()
 PATH = elastic.trajectory([[0.0, 0.0], [0.1, 0.0]], 0.1, acceleration=1.0, corner_speed=0.1)
 SHAPER = InputShaper(PATH, "ZV", 300.0)
+TIMES = np.arange(1600) / 3200.0
+RECORD = elastic.HeadRecord(PATH, TIMES, np.sin(TIMES), np.sin(TIMES))
+STEPPED = elastic.ElasticCoreXY(PARAMETERS, BELTS, STEPPER)
 PLACE = {"x": arg(0.1, *FINITE), "y": arg(0.1, *FINITE)}
 ABOUT = {
     "parameters": arg(PARAMETERS), "belts": arg(BELTS), **PLACE,
@@ -104,6 +107,56 @@ TARGETS = [
         },
     ),
     Target(elastic.Trajectory.travelled, {"t": arg(0.1, *FINITE)}, PATH.travelled),
+    Target(
+        elastic.resonance_sweep,
+        {
+            "direction": arg([1.0, 0.0], "row"),
+            "f0": arg(20.0, *POSITIVE),
+            "f1": arg(60.0, *POSITIVE),
+            "rate": arg(30.0, *POSITIVE),
+            "acceleration_per_hz": arg(0.06, *POSITIVE),
+            **PLACE,
+            "begin": arg(0.0, *FINITE),
+        },
+    ),
+    Target(
+        elastic.span_frequency,
+        {
+            "tension": arg(20.0, *POSITIVE),
+            "mass_per_length": arg(0.0084, *POSITIVE),
+            "length": arg(0.15, *POSITIVE),
+        },
+    ),
+    Target(
+        elastic.span_tension,
+        {
+            "frequency": arg(100.0, *POSITIVE),
+            "mass_per_length": arg(0.0084, *POSITIVE),
+            "length": arg(0.15, *POSITIVE),
+        },
+    ),
+    Target(
+        elastic.pluck_tone,
+        {
+            "times": arg(TIMES, "row"),
+            "record": arg(np.sin(600.0 * TIMES), "row"),
+            "lowest": arg(20.0, *POSITIVE),
+            "highest": arg(400.0, *POSITIVE),
+        },
+    ),
+    Target(
+        elastic.HeadRecord,
+        {
+            "path": arg(PATH),
+            "times": arg(TIMES, "row"),
+            "x": arg(np.sin(TIMES), "row"),
+            "y": arg(np.sin(TIMES), "row"),
+        },
+    ),
+    Target(
+        elastic.fit_belts,
+        {"machine": arg(STEPPED), "records": arg(RECORD), "window": arg(8)},
+    ),
     Target(elastic.Trajectory.breaks, {"shaper": arg(None, "none")}, PATH.breaks),
     Target(elastic.Stepper.lags, ANGLES, STEPPER.lags),
     Target(elastic.Stepper.margin, ANGLES, STEPPER.margin),
