@@ -1,6 +1,7 @@
 """Stiffness and damping of the belts and friction from accelerations at the head."""
 
 import dataclasses
+import math
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
@@ -79,15 +80,15 @@ class BeltFit(NamedTuple):
 
     - `fit` of `EA_1`, `EA_2` [N], `retardation` [s], `mu` (of all contacts), and for each record
       `begin[number]` [s], the time of its clock at which the path began.
+    - `errors`: standard errors by name, which do not trust the noise (`Fit.standard_errors(robust=True)`)
+      and hold what the fixed steps leave: 0.03% of a stiffness, 0.3% of `mu`, 2% of `retardation`, of
+      83 machines with exact events. Masses, motors and lengths that were stated wrong are not in them.
     - `times` [s], `measured`, `computed` [m/s²], `[window, 2]`, of each record: means over windows.
     - `unexplained`: root mean square of the residuals over that of what was measured.
-
-    `fit.interval(robust=True)` does not trust the noise, and takes residuals as large as they are and
-    as long as they hang together; it knows nothing of masses, motors and lengths that were stated
-    wrong.
     """
 
     fit: Fit
+    errors: dict[str, float]
     times: tuple[np.ndarray, ...]
     measured: tuple[np.ndarray, ...]
     computed: tuple[np.ndarray, ...]
@@ -161,7 +162,12 @@ def fit_belts(
     measured = [np.asarray(part.measured) for part in cut]
     off = sum(float(np.sum((a - b) ** 2)) for a, b in zip(own, measured, strict=True))
     all_of = sum(float(np.sum(a**2)) for a in measured)
-    return BeltFit(fit, tuple(middles), tuple(measured), tuple(own), (off / all_of) ** 0.5)
+    left = {"EA_1": 3e-4, "EA_2": 3e-4, "mu": 3e-3, "retardation": 2e-2}
+    errors = {
+        name: math.hypot(float(error), left.get(name, 0.0) * float(fit.values[name]))
+        for name, error in fit.standard_errors(robust=True).items()
+    }
+    return BeltFit(fit, errors, tuple(middles), tuple(measured), tuple(own), (off / all_of) ** 0.5)
 
 
 def _speeds(values: dict, data: tuple) -> list[Array]:
@@ -270,8 +276,9 @@ def _windows(record: HeadRecord, window: int) -> _Windows:
         jnp.asarray(float(path.times[0]) + h * np.arange(count + 1))
     )
     measured = measured[whole] - np.mean(measured[whole], axis=0)
-    rows = (edges, np.flatnonzero(whole), measured, jnp.stack(speeds, axis=1))
-    return _Windows(*(jnp.asarray(row) for row in rows), h, begin)
+    command = jnp.stack(speeds, axis=1)
+    numbers = jnp.asarray(np.flatnonzero(whole))
+    return _Windows(jnp.asarray(edges), numbers, jnp.asarray(measured), command, h, begin)
 
 
 def _begin(record: HeadRecord) -> float:

@@ -1,5 +1,6 @@
 """Belts of a printer from its accelerometer: stiffness by a sweep, tension by plucks."""
 
+import math
 import pathlib
 from typing import Any
 
@@ -53,9 +54,9 @@ def _tensions(parameters: dict[str, Any], log: pathlib.Path) -> tuple[list[float
         + ("" if tone.explained > 0.5 else f" Only {tone.explained:.0%} of the record are this tone.")
         for k, (tone, T, error) in enumerate(zip(tones, found, errors, strict=True))
     ]
-    half = SURE * float(np.hypot(*errors)) + shared * abs(found[0] - found[1])
+    half = SURE * math.hypot(*errors) + shared * abs(found[0] - found[1])
     loose, tight = (0, 1) if found[0] < found[1] else (1, 0)
-    said.append(looser(*found, half))
+    said.append(looser(found[0], found[1], half))
     if found[tight] - found[loose] > half:
         said.append(f"It is done when belt {loose + 1} sounds at {tones[tight].frequency:.1f} Hz too.")
     return found, said
@@ -71,12 +72,13 @@ def _verdict(found: BeltFit) -> str:
     )
     left = f"{found.unexplained:.1%} of the motion, {chi**0.5:.2g} times the noise"
     white = "white" if p > 0.01 else f"NOT white (p = {p:.1g})"
-    if not bool(found.fit.successful) or not found.unexplained < SAME:
+    if not found.unexplained < SAME:
         return (
             f"VOID: the residuals are {left}, and {white}: the machine computed is not the one "
-            "measured, or was not commanded so. Check along, f0, f1, rate, per_hz, x, y and the masses."
+            "measured, or was not commanded so. Check along, f0, f1, rate, per_hz, the place x, y and "
+            "the masses."
         )
-    if chi > GOOD:
+    if chi > GOOD or not bool(found.fit.successful):
         word = "USABLE WITH CARE" if found.unexplained < 0.3 * SAME else "DOUBTFUL"
         return (
             f"{word}: the residuals are {left}, and {white}: the model is not quite this machine. "
@@ -96,9 +98,9 @@ def analysed(log: pathlib.Path, parameters: dict[str, Any]) -> xr.Dataset:
     machine = machine_of(parameters, tensions, path)
     record = HeadRecord(path, rows["time"], *(1e-3 * rows[name] for name in COLUMNS[1:3]))
     found = fit_belts(machine, record)
-    ends = {name: np.asarray(row) for name, row in found.fit.interval(robust=True).items()}
     value = {name: float(found.fit.values[name]) for name in NAMES}
-    half = {name: 0.5 * float(np.diff(ends[name])[0]) for name in NAMES}
+    half = {name: SURE * found.errors[name] for name in NAMES}
+    ends = {name: (value[name] - half[name], value[name] + half[name]) for name in NAMES}
     ratio = value["EA_1"] / value["EA_2"] - 1.0
     off = float(np.hypot(half["EA_1"] / value["EA_1"], half["EA_2"] / value["EA_2"]))
     same = abs(ratio) <= off

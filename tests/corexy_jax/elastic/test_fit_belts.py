@@ -124,6 +124,7 @@ def test_a_sweep_tells_the_belts_and_two_places_the_frame():
         ("EA_1", 9e3, 1e-3), ("EA_2", 1.05e4, 1e-3), ("mu", 0.015, 0.01), ("retardation", 1e-4, 0.05),
     ):  # fmt: skip
         assert float(one.fit.values[name]) == pytest.approx(truth, rel=within)
+        assert abs(float(one.fit.values[name]) - truth) < 3.0 * one.errors[name]
     assert float(one.fit.reduced_chi_squared) < 1.5
     both = fit_belts(guess(paths[0]), records)
     assert float(both.fit.reduced_chi_squared) < 1.5
