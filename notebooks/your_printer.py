@@ -162,8 +162,8 @@ plt.show()
 # %% [markdown]
 # ## A print
 #
-# A corner at 300 mm/s and 20 m/s², with all friction, without a shaper and with one for each axis: how far the head
-# is to the side of the line behind the corner.
+# A corner at 300 mm/s and 20 m/s², with all friction, without a shaper and with one for each axis: how
+# far the head is to the side of the line behind the corner.
 
 # %%
 moves = elastic.read_gcode("G1 X40 F18000\nG1 Y40\n")
