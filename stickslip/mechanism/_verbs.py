@@ -39,7 +39,7 @@ def held_state(now: Moment, states: Any) -> tuple[Any, Any] | None:
             v[j] = x
         if group.stops:
             for j, x in zip(group.columns, group.to_closed(here, still), strict=True):
-                q[j] = q[j] + x
+                q[j] = None if q[j] is None else q[j] + x  # a cyclic coordinate has no place
     return (type(now.at.q)(*q), type(now.at.v)(*v)) if drifts else None
 
 

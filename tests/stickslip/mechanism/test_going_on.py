@@ -82,6 +82,16 @@ class Turning(AbstractMechanism):
         return 1.0 / self.frequency
 
 
+class WithRotor(Carried):
+    """The same with an eccentric rotor, whose angle nothing depends on."""
+
+    coordinates: ClassVar = {"x": "m", "a": "rad"}
+    cyclic: ClassVar = ("a",)
+
+    def mass_matrix(self, q):
+        return [[1.0, 0.2], [0.2, 0.5]]
+
+
 CASES = {
     "two blocks": (Ridden(), {"y": 0.116}),
     "a lift": (Carried(), {"v_x": 0.9}),
@@ -112,6 +122,15 @@ def test_what_rests_on_a_surface_that_moves_still_does(name):
         for a, b in zip(rest.y1, whole.y1, strict=True):
             assert float(a) == pytest.approx(float(b), abs=1e-4)
         assert int(rest.mode1) == int(whole.mode1)
+
+
+def test_what_turns_with_it_has_no_place():
+    """The rotor keeps its momentum, 0.5 v_a + 0.2 v_x, as the lift moves the mass."""
+    run = ss.simulate(WithRotor(), 0.0, 1.3, WithRotor().state(v_x=0.9), integrator=LOOSE)
+    assert float(run.y1.x) == pytest.approx(0.3 * np.sin(3.9), abs=1e-15)
+    speed = 0.9 * np.cos(3.9)
+    assert float(run.y1.v_x) == pytest.approx(speed, abs=1e-15)
+    assert float(run.y1.v_a) == pytest.approx(0.4 * (0.9 - speed), abs=1e-3)
 
 
 def test_so_does_a_run_that_took_all_its_attempts():
