@@ -303,7 +303,7 @@ def _means(speeds: Array, part: _Windows, begin: Any) -> Float[Array, "window 2"
     at = (part.edges - begin) / part.step
     at = jnp.clip(at, 0.0, speeds.shape[0] - 1.0)
     below = jnp.clip(jax.lax.stop_gradient(at).astype(jnp.int32), 0, speeds.shape[0] - 2)
-    share = (at - below)[:, None]
+    share = (at - below.astype(jnp.float64))[:, None]
     v = (1.0 - share) * speeds[below] + share * speeds[below + 1]
     means = ((v[1:] - v[:-1]) / jnp.diff(part.edges)[:, None])[part.whole]
     return means - jnp.mean(means, axis=0, keepdims=True)
