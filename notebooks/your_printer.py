@@ -101,10 +101,10 @@ assert abs(tensions[1] - 18.0) < 0.1
 told = cx.with_values(printer.parameters, {"P1": tensions[0], "P2": tensions[1]})
 known = elastic.ElasticCoreXY(told, printer.belts, motors(sweep))
 found = elastic.fit_belts(known, elastic.HeadRecord(sweep, t[1:] - 0.5 / 3200.0, *felt))
-intervals = found.fit.interval(robust=True)
 for name in ("EA_1", "EA_2", "retardation", "mu"):
-    low, high = np.asarray(intervals[name])
-    print(f"{name}: {float(found.fit.values[name]):.4g}, 95% within {low:.4g} and {high:.4g}")
+    print(
+        f"{name}: {float(found.fit.values[name]):.4g} +- {1.96 * float(found.errors[name]):.2g} (95%)"
+    )
 print(f"not explained: {found.unexplained:.1%} of what the head felt")
 
 # %% tags=["remove-cell"]

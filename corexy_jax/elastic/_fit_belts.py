@@ -271,7 +271,7 @@ def _windows(record: HeadRecord, window: int) -> _Windows:
     whole &= (edges[:-1] > begin - margin) & (edges[1:] < begin + seconds + margin)
     if int(whole.sum()) < 16:
         raise refusal("times", t, f"of 16 windows without gaps during the path of {seconds:g} s")
-    h = 0.25 * step
+    h = step / 16.0
     count = int(np.ceil((seconds + 2.0 * margin) / h))
     (_, speeds) = jax.vmap(lambda t: path(t, None))(
         jnp.asarray(float(path.times[0]) + h * np.arange(count + 1))

@@ -9,19 +9,16 @@ import pandas as pd
 
 import corexy_jax as cx
 import stickslip as ss
-from corexy_jax.elastic import Belts, ElasticCoreXY, Frame, Stepper, resonance_sweep, span_frequency
+from corexy_jax.elastic import Belts, ElasticCoreXY, resonance_sweep, span_frequency
 from stickslip.identification import read_table
 
-from ._log import read_machine
+from ._printer import Machine, read_printer
 
 COLUMNS = ("time", "accel_x", "accel_y", "accel_z")
-# Made up, as is what the example hides: belts of 9 and 10.5 kN, 18 and 22 N.
-PRINTER = {
-    "m": 0.35, "M": 0.25, "J": 8e-6, "J_passive": 2e-7, "r": 0.00637, "r_f": 0.002, "mu_s": 0.015,
-    "mu_k": 0.015,
-}  # fmt: skip
-HIDDEN = {"EA_1": 9e3, "EA_2": 1.05e4, "retardation": 1e-4}
-TENSIONS = (18.0, 22.0)
+# What the example hides.
+HIDDEN = {"EA_1": 1.7e4, "EA_2": 2e4, "retardation": 3.5e-4}
+FRICTION = {"mu_s": 0.015, "mu_k": 0.015}
+TENSIONS = (16.0, 20.0)
 
 
 def read_columns(said: str, path: pathlib.Path) -> dict[str, np.ndarray]:
@@ -69,21 +66,21 @@ def path_of(parameters: dict[str, Any]) -> Any:
         raise ValueError(f"--set along={text}, f0, f1, rate, per_hz: {error}") from None
 
 
-def machine_of(parameters: dict[str, Any], tensions: Any, path: Any, **belts: float) -> ElasticCoreXY:
-    """The printer as it is told, with tensions [N], and belts to begin with."""
-    told = read_machine(parameters["machine"]) if parameters["machine"] else None
-    p = cx.CoreXYParameters(**PRINTER) if told is None else told
-    p = cx.with_values(p, dict(zip(("P1", "P2"), map(float, tensions), strict=True)))
-    frame = Frame(parameters["width"], parameters["depth"])
-    given = {"EA_1": parameters["EA"], "EA_2": parameters["EA"], "retardation": 5e-5} | belts
-    motors = Stepper(path, parameters["torque"], p.r, damping=parameters["damping"])
-    return ElasticCoreXY(p, Belts(frame, **given), motors)
+def machine_of(printer: Machine, tensions: Any, path: Any) -> ElasticCoreXY:
+    """The printer as it is told, with tensions [N], along a path."""
+    P1, P2 = map(float, tensions)
+    p = cx.with_values(printer.parameters, {"P1": P1, "P2": P2})
+    return ElasticCoreXY(p, printer.belts, printer.motors(path))
 
 
 def write_example(path: pathlib.Path, parameters: dict[str, Any]) -> list[pathlib.Path]:
     """A sweep at 3200 Hz, as the firmware Klipper names its columns, and two plucks beside it."""
     motion, rate, rng = path_of(parameters), 3200.0, np.random.default_rng(0)
-    machine = machine_of(parameters, TENSIONS, motion, **HIDDEN)
+    told = read_printer(parameters["machine"])
+    hidden = told._replace(
+        parameters=cx.with_values(told.parameters, FRICTION), belts=Belts(told.belts.frame, **HIDDEN)
+    )
+    machine = machine_of(hidden, TENSIONS, motion)
     edges = np.arange(int((float(motion.times[-1]) + 0.05) * rate)) / rate
     system = ss.WithBreaks(machine, motion.breaks())
     start = system.start(machine.at(parameters["x"], parameters["y"]))

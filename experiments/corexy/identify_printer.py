@@ -16,23 +16,25 @@ from stickslip.identification import ljung_box
 from .._data import listed
 from .._experiment import Context, Experiment
 from ._advice import GOOD, SURE, looser
+from ._printer import Machine, read_printer
 from ._printer_log import COLUMNS, machine_of, path_of, read_columns, read_pluck, write_example
 
 NAMES = ("EA_1", "EA_2", "retardation", "mu")
 SAME = 0.3  # part of the motion that a model of another machine leaves
 PARAMETERS: dict[str, Any] = {
-    "along": "1,1", "f0": 20.0, "f1": 80.0, "rate": 30.0, "per_hz": 60.0, "x": 0.0, "y": 0.0,
-    "width": 0.4, "depth": 0.4, "machine": "", "EA": 8e3, "torque": 0.3, "damping": 1e-3,
-    "plucks": "", "span": 0.15, "span_error": 5e-4, "belt_mass": 0.0084, "lowest": 20.0,
-    "highest": 400.0, "P1": 20.0, "P2": 20.0,
+    "along": "1,1", "f0": 30.0, "f1": 110.0, "rate": 40.0, "per_hz": 60.0, "x": 0.0, "y": 0.0,
+    "machine": "", "plucks": "", "span": 0.15, "span_error": 5e-4, "belt_mass": 0.0084, "lowest": 20.0,
+    "highest": 400.0,
 }  # fmt: skip
 
 
-def _tensions(parameters: dict[str, Any], log: pathlib.Path) -> tuple[list[float], list[str]]:
+def _tensions(
+    parameters: dict[str, Any], printer: Machine, log: pathlib.Path
+) -> tuple[list[float], list[str]]:
     """Tensions of both belts [N], by plucks where there are any, and what is to be said about them."""
     names = listed("plucks", parameters["plucks"])
     if not names:
-        given = [parameters["P1"], parameters["P2"]]
+        given = [float(printer.parameters.P1), float(printer.parameters.P2)]
         return given, [
             f"Tensions were not measured: {given[0]:g} N and {given[1]:g} N are taken for the loads of "
             "the pulleys. No sweep tells them; --set plucks=ONE.csv,TWO.csv does."
@@ -94,8 +96,9 @@ def analysed(log: pathlib.Path, parameters: dict[str, Any]) -> xr.Dataset:
     if not set(COLUMNS[:3]) <= set(rows):
         raise ValueError(f"--data {log}: it must have the columns {', '.join(COLUMNS[:3])}.")
     path = path_of(parameters)
-    tensions, said = _tensions(parameters, log)
-    machine = machine_of(parameters, tensions, path)
+    printer = read_printer(parameters["machine"])
+    tensions, said = _tensions(parameters, printer, log)
+    machine = machine_of(printer, tensions, path)
     record = HeadRecord(path, rows["time"], *(1e-3 * rows[name] for name in COLUMNS[1:3]))
     found = fit_belts(machine, record)
     value = {name: float(found.fit.values[name]) for name in NAMES}
@@ -181,7 +184,7 @@ EXPERIMENT = Experiment(
     name="identify-printer",
     title="A printer's belts: stiffness, friction and tensions from its accelerometer, an example",
     parameters=PARAMETERS,
-    quick={"f0": 40.0, "f1": 60.0, "rate": 50.0},
+    quick={"f0": 50.0, "f1": 95.0, "rate": 90.0},
     compute=compute,
     draw=draw,
     measured=Experiment(

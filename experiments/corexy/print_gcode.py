@@ -1,9 +1,8 @@
 """A file of G-code, printed: how far the head is off its lines, and what the motors have left."""
 
 import functools
-import json
 import pathlib
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -16,7 +15,6 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from scipy import signal
 
-import corexy_jax as cx
 import stickslip as ss
 from corexy_jax import elastic
 from stickslip.control import InputShaper
@@ -25,6 +23,7 @@ from stickslip.plot import Movie
 from .._experiment import Context, Experiment
 from ._film import film
 from ._machine import BELTS
+from ._printer import Machine, read_printer
 
 BED = 0.25  # m, of the constructed printer
 EXAMPLE = """\
@@ -45,50 +44,6 @@ G1 X110 Y114
 G1 X140 Y116
 G1 X110 Y118
 """
-# Of a printer, in a JSON file: any of these numbers, others are those of the constructed one.
-FRAME = ("width", "depth")
-BELT = ("EA_1", "EA_2", "retardation")
-MOTOR = ("torque", "damping")
-
-
-class Machine(NamedTuple):
-    """What prints: parameters, belts in their frame, and of the steppers torque and damping."""
-
-    parameters: cx.CoreXYParameters
-    belts: elastic.Belts
-    torque: float
-    damping: float
-
-
-def read_printer(text: str) -> Machine:
-    """A printer in a JSON file: names of `CoreXYParameters`, and `FRAME`, `BELT`, `MOTOR`, to numbers;
-    those that it does not name, and without a file all, are of `elastic.desktop_printer`.
-
-    Errors: `ValueError` naming the file or the parameter.
-    """
-    ready = elastic.desktop_printer()
-    values = {k: float(v) for k, v in vars(ready.parameters).items()}
-    values |= {k: float(getattr(ready.belts.frame, k)) for k in FRAME}
-    values |= {k: float(getattr(ready.belts, k)) for k in BELT}
-    values |= {"torque": float(ready.torque), "damping": 1e-3}
-    if text:
-        try:
-            given = json.loads(pathlib.Path(text).read_text(encoding="utf-8"))
-        except (OSError, ValueError) as error:
-            raise ValueError(f"--set machine={text}: it must be a JSON file; {error}") from None
-        if not isinstance(given, dict) or not set(given) <= set(values):
-            raise ValueError(
-                f"--set machine={text}: it must map names among {', '.join(values)} to numbers."
-            )
-        values |= given
-    try:
-        belts = elastic.Belts(
-            elastic.Frame(*(values.pop(k) for k in FRAME)), *(values.pop(k) for k in BELT)
-        )
-        motor = [float(values.pop(k)) for k in MOTOR]
-        return Machine(cx.CoreXYParameters(**values), belts, *motor)
-    except (ValueError, TypeError) as error:
-        raise ValueError(f"--set machine={text}: {error}") from None
 
 
 def read_file(text: str) -> elastic.Moves:
@@ -122,14 +77,14 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
         raise ValueError(f"--set file={parameters['file']}: row {row} leaves the frame of the belts.")
     limits = {k: parameters[k] for k in ("acceleration", "corner_speed")}
     path = elastic.trajectory(points, moves.speeds, **limits)
-    stepper = elastic.Stepper(path, printer.torque, printer.parameters.r, damping=printer.damping)
+    stepper = printer.motors(path)
     own = axis_frequencies(printer, float(stepper.stiffness))
     tuned = [parameters[f"frequency_{k}"] or float(f) for k, f in zip("xy", own, strict=True)]
     shaper = None
     if parameters["shaper"]:
         kind = parameters["shaper"]
         shaper = elastic.AxisShapers(*(InputShaper(path, kind, 2.0 * np.pi * f) for f in tuned))
-        stepper = elastic.Stepper(shaper, printer.torque, printer.parameters.r, damping=printer.damping)
+        stepper = printer.motors(shaper)
     machine = elastic.ElasticCoreXY(printer.parameters, printer.belts, stepper)
     system = ss.WithBreaks(machine, path.breaks(shaper))
     end = float(path.duration) + parameters["settled"] + (float(shaper.times.max()) if shaper else 0.0)

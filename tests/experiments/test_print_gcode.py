@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from experiments._experiment import Context, chosen
-from experiments.corexy.print_gcode import EXPERIMENT, animate, draw, read_file, read_printer, table
+from experiments.corexy._printer import read_printer
+from experiments.corexy.print_gcode import EXPERIMENT, animate, draw, read_file, table
 
 L = "G0 X20 Y20 F12000\nG1 X40 E1 F6000\nG1 Y40 E2\nG0 X38 Y38\nG1 X22 E3\n"
 
@@ -75,7 +76,11 @@ def test_wrong_settings_are_named(changes, words, tmp_path):
 def test_files_that_cannot_be(tmp_path):
     with pytest.raises(ValueError, match="row 2 leaves the frame"):
         run(tmp_path, text="G1 X20\nG1 X500\n")
-    for printer, words in (({"mass": 1.0}, "machine=.*among"), ({"EA_1": -1.0}, "machine=.*EA_1 = -1")):
+    for printer, words in (
+        ({"mass": 1.0}, "machine=.*among"),
+        ({"EA_1": -1.0}, "machine=.*EA_1 = -1"),
+        ({"torque": "a"}, "machine=.*torque"),
+    ):
         (tmp_path / "odd.json").write_text(json.dumps(printer), encoding="utf-8")
         with pytest.raises(ValueError, match=words):
             read_printer(str(tmp_path / "odd.json"))
