@@ -111,7 +111,7 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
     way = np.asarray(path.travelled(times - late))
     line = np.minimum(np.searchsorted(ends, way, side="right"), len(ends) - 1)
     off = np.full(times.size, np.nan)
-    off[done] = elastic.contour_errors(points, *place[done].T, line[done])
+    off[done] = elastic.contour_errors(points, place[done, 0], place[done, 1], line[done])
     drawn = moves.drawn[line] & (way > 0.0) & (way < ends[-1])
     data = xr.Dataset(
         {

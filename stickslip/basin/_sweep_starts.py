@@ -85,14 +85,14 @@ def _judge_by(found: Basins, settle: Settle, lanes: Lanes) -> Any:
     names = numbers_of(lanes.unravel(jnp.zeros(len(flat(found.starts)) // found.code.size)))
     limits = [(names.index(name), *pair) for name, pair in settle.limits.items()]
     attractors = list(enumerate(found.attractors))
-    tubes = {k: a for k, a in attractors if a.tube is not None}
-    stack = stack_of([a.tube for a in tubes.values()]) if tubes else None
+    tubes = {k: a.tube for k, a in attractors if a.tube is not None}
+    stack = stack_of(list(tubes.values())) if tubes else None
     rests = [(k, a) for k, a in attractors if a.kind == "rest"] if settle.forcing_period is None else []
 
     def code_of(t, moved):
         code = jnp.asarray(NOT_SETTLED)
         if stack is not None:
-            radius = np.array([a.radius for a in tubes.values()])
+            radius = np.array([found.attractors[k].radius for k in tubes])
             away = distances_of_one(stack, moved.y, moved.mode.astype(jnp.int64))[: len(tubes)] / radius
             near = jnp.asarray(list(tubes))[jnp.argmin(away)]
             code = jnp.where(jnp.min(away) <= 1.0, near, code)
