@@ -6,6 +6,7 @@ from ._belts import Frame as Frame
 from ._belts import Spans as Spans
 from ._contour import contour_errors as contour_errors
 from ._dc_motors import DCMotors as DCMotors
+from ._expected_errors import expected_errors as expected_errors
 from ._fit_belts import BeltFit as BeltFit
 from ._fit_belts import HeadRecord as HeadRecord
 from ._fit_belts import fit_belts as fit_belts

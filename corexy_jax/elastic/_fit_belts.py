@@ -143,7 +143,7 @@ def fit_belts(
     for i, record in enumerate(rows):
         check_type(f"records[{i}]", record, HeadRecord, "a HeadRecord")
     whole_number("window", window, 1, min(record.times.size for record in rows) // 16)
-    cut = tuple(_windows(record, window) for record in rows)
+    cut = tuple(windows_of(record, window) for record in rows)
     places = tuple(np.asarray(record.path.positions)[0] for record in rows)
     noise = tuple(
         max(r.noise / window**0.5, 1e-3 * float(np.std(part.measured)))
@@ -153,7 +153,7 @@ def fit_belts(
     other = {"retardation": max(float(belts.retardation), 1e-5), "mu": max(float(p.mu_k), 1e-3)}
     method = LevenbergMarquardt(tolerance=1e-5)
     start = _nearest(data, other)
-    fit = least_squares(_with_even_slopes(lambda values: _residual(values, data)), start, method)
+    fit = least_squares(with_even_slopes(lambda values: residual_of(values, data)), start, method)
     counts = [len(part.whole) for part in cut]
     instants = [i * max(counts) + np.repeat(np.arange(n), 2) for i, n in enumerate(counts)]
     grid = len(cut), max(counts)
@@ -189,7 +189,7 @@ def _computed(values: dict, data: tuple) -> list[Array]:
 _alone = jit_plainly(_computed)
 
 
-def _residual(values: dict, data: tuple) -> Array:
+def residual_of(values: dict, data: tuple) -> Array:
     found = zip(_computed(values, data), *data[-2:], strict=True)
     return jnp.concatenate([((own - part.measured) / sd).ravel() for own, part, sd in found])
 
@@ -215,7 +215,7 @@ def _costs(factors: Array, held: dict, data: tuple) -> tuple[Array, Array]:
     return jax.vmap(cost)(factors)
 
 
-def _with_even_slopes(function: Callable[[dict], Array]) -> Callable[[dict], Array]:
+def with_even_slopes(function: Callable[[dict], Array]) -> Callable[[dict], Array]:
     """The same function with derivatives by differences, over 0.2% of a stiffness, 3% of what damps,
     1 us of a begin: over less, the fixed steps at which friction turns round are felt."""
 
@@ -256,7 +256,7 @@ def _nearest(data: tuple, other: dict) -> dict[str, Any]:
     return found
 
 
-def _windows(record: HeadRecord, window: int) -> _Windows:
+def windows_of(record: HeadRecord, window: int) -> _Windows:
     """Means of the samples of a record, as far as its path and 0.1 s before and after it go."""
     t, step, margin = record.times, record.step, 0.1
     path = record.path

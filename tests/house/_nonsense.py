@@ -32,6 +32,7 @@ from corexy_jax import _feedforward as machine_feedforward
 from corexy_jax import _feedforward_along as machine_along
 from corexy_jax import _outputs as machine_outputs
 from corexy_jax import _simulate as machine
+from corexy_jax.elastic import _expected_errors as expected_errors
 from corexy_jax.elastic import _fit_belts as fit_belts
 from stickslip import _compilation_cache
 from stickslip.analysis import _attractor, _volume
@@ -126,6 +127,7 @@ BEHIND = (
     (_smooth, "_compiled"),
     (_movie.Movie, "_animation"),
     (machine, "march"),
+    (expected_errors, "_slopes"),
     (fit_belts, "_nearest"),
     (machine_feedforward, "_plan"),
     (machine_along, "cut"),

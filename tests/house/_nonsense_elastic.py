@@ -157,6 +157,16 @@ TARGETS = [
         elastic.fit_belts,
         {"machine": arg(STEPPED), "records": arg(RECORD), "window": arg(8)},
     ),
+    Target(
+        elastic.expected_errors,
+        {
+            "machine": arg(STEPPED),
+            "path": arg(PATH),
+            "rate": arg(3200.0, *POSITIVE),
+            "noise": arg(0.1, *POSITIVE),
+            "window": arg(8),
+        },
+    ),
     Target(elastic.Trajectory.breaks, {"shaper": arg(None, "none")}, PATH.breaks),
     Target(elastic.Stepper.lags, ANGLES, STEPPER.lags),
     Target(elastic.Stepper.margin, ANGLES, STEPPER.margin),
