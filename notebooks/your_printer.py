@@ -207,4 +207,4 @@ plt.close("all")
 
 # %% [markdown]
 # With files of your own: `python -m experiments identify-printer --data LOG.csv` for the records,
-# `python -m experiments print-gcode --set file=PART.gcode` for a print; see [Printers](printer.md).
+# `python -m experiments corexy-print --set file=PART.gcode` for a print; see [Printers](printer.md).

@@ -15,6 +15,7 @@ from stickslip.identification import ljung_box
 
 from .._data import listed
 from .._experiment import Context, Experiment
+from .._starts import Start, starts_told
 from ._advice import GOOD, SURE, looser
 from ._printer import Machine, read_printer
 from ._printer_log import COLUMNS, machine_of, path_of, read_columns, read_pluck, write_example
@@ -121,6 +122,7 @@ def analysed(log: pathlib.Path, parameters: dict[str, Any]) -> xr.Dataset:
         _verdict(found),
     ]
     print("\n".join(said))
+    said.insert(0, starts_told(fitted=Start("rest", "belts are not stretched, motors hold")))
     return xr.Dataset(
         {
             "estimate": ("unknown", [value[name] for name in NAMES]),

@@ -264,7 +264,7 @@ def table(data: xr.Dataset) -> pd.DataFrame:
 
 
 EXPERIMENT = Experiment(
-    name="print-gcode",
+    name="corexy-print",
     title="CoreXY with elastic belts: a file of G-code, printed",
     parameters={
         "file": "", "machine": "", "shaper": "MZV", "frequency_x": 0.0, "frequency_y": 0.0,

@@ -17,6 +17,7 @@ def test_all_are_there():
         "corexy-feedforward",
         "corexy-input-design",
         "corexy-plan",
+        "corexy-print",
         "identify-corexy",
     }
 

@@ -122,7 +122,7 @@ def test_sections_of_another_type():
         (lambda: ss.AdaptiveStep(1e-8, State(1e-9, 0.0)), ["atol.v = 0.0", "positive"]),
         (lambda: ss.AdaptiveStep(1e-8, []), ["atol = []", "None, a positive number"]),
         (lambda: ss.AdaptiveStep(1e-8, dtmax=0.1, dtmin=1.0), ["dtmax = 0.1", "dtmin = 1.0"]),
-        (lambda: ss.WithBreaks(Circle(), [2.0, 1.0]), ["times", "[1] = 1.0", "increase"]),
+        (lambda: ss.WithBreaks(Circle(), [2.0, 1.0]), ["times", "[1] = 1.0", "decrease"]),
         (lambda: ss.WithBreaks(Circle(), 1.0), ["times = 1.0, of shape ()", "one row"]),
         (lambda: ss.AdaptiveStep(1e-8, 1e-8, dtmin=-1.0), ["dtmin", "-1"]),
         (lambda: ss.AdaptiveStep(1e-8, 1e-8, dtmax=0.0), ["dtmax", "positive"]),
