@@ -4,7 +4,7 @@ import dataclasses
 import json
 import math
 import pathlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
@@ -177,19 +177,27 @@ def read_machine(text: str) -> cx.CoreXYParameters:
     """
     if not text:
         return cx.CoreXYParameters()
-    path = pathlib.Path(text)
-    try:
-        given = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise ValueError(f"--set machine={text}: it must be a JSON file; {error}") from None
-    if not isinstance(given, dict) or not set(given) <= set(PARAMETERS):
-        raise ValueError(
-            f"--set machine={text}: it must map names among {', '.join(PARAMETERS)} to numbers."
-        )
+    given = read_numbers(text, PARAMETERS)
     try:
         return cx.CoreXYParameters(**given)
     except (ValueError, TypeError) as error:
         raise ValueError(f"--set machine={text}: {error}") from None
+
+
+def read_numbers(text: str, names: Iterable[str]) -> dict[str, Any]:
+    """What the JSON file at a path maps some of the names to.
+
+    Errors: `ValueError` naming the file, or what it may hold.
+    """
+    try:
+        given = json.loads(pathlib.Path(text).read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise ValueError(f"--set machine={text}: it must be a JSON file; {error}") from None
+    if not isinstance(given, dict) or not set(given) <= set(names):
+        raise ValueError(
+            f"--set machine={text}: it must map names among {', '.join(names)} to numbers."
+        )
+    return given
 
 
 def write_template(path: pathlib.Path) -> list[pathlib.Path]:

@@ -1,12 +1,12 @@
 """A printer of one's own: its numbers in a JSON file."""
 
-import json
-import pathlib
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import corexy_jax as cx
 from corexy_jax import elastic
+
+from ._log import read_numbers
 
 # Beside those of `CoreXYParameters`.
 FRAME = ("width", "depth")
@@ -39,15 +39,7 @@ def read_printer(text: str) -> Machine:
     values |= {k: float(getattr(ready.belts, k)) for k in BELT}
     values |= {"torque": ready.torque, "damping": 1e-3}
     if text:
-        try:
-            given = json.loads(pathlib.Path(text).read_text(encoding="utf-8"))
-        except (OSError, ValueError) as error:
-            raise ValueError(f"--set machine={text}: it must be a JSON file; {error}") from None
-        if not isinstance(given, dict) or not set(given) <= set(values):
-            raise ValueError(
-                f"--set machine={text}: it must map names among {', '.join(values)} to numbers."
-            )
-        values |= given
+        values |= read_numbers(text, values)
     try:
         frame = elastic.Frame(*(values.pop(k) for k in FRAME))
         belts = elastic.Belts(frame, *(values.pop(k) for k in BELT))
