@@ -47,7 +47,7 @@ def microsteps(
     **Arguments**
 
     - `path(t, args) -> ((x, y), (vx, vy))` [m]: quadratic in time between its `breaks` [s], a row that
-      increases, and at rest before and after; such as a `Trajectory`, and an `InputShaper` of it with
+      does not decrease, and at rest before and after; such as a `Trajectory`, and a shaper of it with
       `trajectory.breaks(shaper)`.
     - `r` [m]: radius of the pulleys, positive. `division`: microsteps in a full step, of which
       `steps` are a turn.
@@ -58,9 +58,9 @@ def microsteps(
     check_callable("path", path, "path(t, args)", 0.0, None)
     row = check_known("breaks", one_row("breaks", check_finite("breaks", breaks)))
     times = numbers("breaks", row).astype(np.float64)
-    check_increasing("breaks", times)
+    times = np.unique(check_increasing("breaks", times, equal=True))
     if times.size < 2:
-        raise shape_refusal("breaks", breaks, "at least two times")
+        raise shape_refusal("breaks", breaks, "at least two different times")
     radius = float(check_known("r", one_number("r", r, "positive")))
     turn = whole_number("division", division, 1, 4096) * whole_number("steps", steps, 4, 40_000)
     quantum = 2.0 * np.pi * radius / turn
@@ -84,7 +84,7 @@ def microsteps(
     w = 2.0 * (first + last - 2.0 * half)
     v = last - first - w
     off = np.abs(first + 0.25 * v + 0.0625 * w - quarter)
-    if off.max() > 1e-6 * (1.0 + np.abs(at).max()):
+    if not off.max() <= 1e-6 * (1.0 + np.abs(at).max()):
         raise refusal("path", path, "quadratic in time between its breaks")
     events = [(times[0], motor, np.floor(at[motor, 0] + 0.5)) for motor in (0, 1)]
     for motor in (0, 1):
