@@ -5,7 +5,9 @@ from ._basins import Basins as Basins
 from ._basins import basins as basins
 from ._border import border_motion as border_motion
 from ._border import share_inside as share_inside
+from ._judge import Judge as Judge
+from ._kick import Kick as Kick
+from ._kick import smallest_kick as smallest_kick
 from ._over_parameter import BasinsOver as BasinsOver
 from ._over_parameter import basins_over as basins_over
 from ._settle import Settle as Settle
-from ._sweep_starts import sweep_starts as sweep_starts

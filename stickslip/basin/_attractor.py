@@ -18,8 +18,8 @@ from ..hybrid import SaveAt, simulate
 from ..hybrid.accuracy import ACCURACY as ENGINE
 from ._accuracy import ACCURACY
 from ._lanes import Lanes, flat, rows_of
-from ._rests import same_set
-from ._tube import Tube, distances, stack_of, tube_of
+from ._rests import rests_at
+from ._tube import Tube, distances, tube_of
 
 
 class Attractor(NamedTuple):
@@ -190,11 +190,24 @@ def with_radius(search: Search, t: float, found: Found) -> Attractor | None:
 
     From the border of each of several balls about places of the attractor, each half as large as the
     one before, all motions looked at must be in the ball of half the radius at the end of `wait`, in
-    which the linear motion halves its distance twice. Deviations are those that the mode allows.
+    which the linear motion halves its distance twice, or of twice, four times that: where a place has
+    become a speed, which has another size, the distance has grown first. Deviations are those that the
+    mode allows.
     """
+    end, last = found.wait, search.duration
+    while end < last:
+        radius = _radius(search, t, found, end)
+        if radius > 0.0:
+            return found.attractor._replace(radius=radius)
+        end *= 2.0
+    radius = _radius(search, t, found, last)
+    return found.attractor._replace(radius=radius) if radius > 0.0 else None
+
+
+def _radius(search: Search, t: float, found: Found, end: float) -> float:
+    """The radius by what motions do within a time `end` [s]; 0 without one."""
     lanes, tube, count = search.lanes, found.attractor.tube, ACCURACY.many
     assert tube is not None
-    end = min(found.wait, search.duration)
     if search.forcing_period is not None:
         end = search.forcing_period * max(round(end / search.forcing_period), 1)
     # A slower one is judged by what the time allows.
@@ -213,20 +226,17 @@ def with_radius(search: Search, t: float, found: Found) -> Attractor | None:
     start = tube.start[place[which]]
     y = (start + radii[:, None, None] * ways * tube.scale).reshape(-1, len(tube.scale))
     moved = lanes(t, t + end, y, np.tile(tube.mode[place[which]], ACCURACY.levels))
-    away = np.where(moved.successful, distances(stack_of([tube]), moved.y, moved.mode)[:, 0], np.inf)
+    away = np.where(moved.successful, distances([tube], moved.y, moved.mode)[:, 0], np.inf)
     nearer = np.max(away.reshape(ACCURACY.levels, count), axis=1) <= share * radii
     fine = np.logical_and.accumulate(nearer[::-1])[::-1]
-    if not fine[-1]:
-        return None
     # Half of it: between the directions there are others.
-    return found.attractor._replace(radius=0.5 * float(radii[np.argmax(fine)]))
+    return 0.5 * float(radii[np.argmax(fine)]) if fine[-1] else 0.0
 
 
 def successor_of(search: Search, before: Attractor) -> Attractor | None:
     """The attractor of a system with other parameters that is the same one, if there is."""
     if before.kind == "rest":
-        y, mode = flat(before.motion), before.mode
-        return before if same_set(search.lanes, 0.0, mode, y, y[None])[0] else None
+        return before if rests_at(search.lanes, before.mode, flat(before.motion)) else None
     if before.kind == "orbit":
         found = orbit_of(search, before.motion)
     else:

@@ -17,7 +17,8 @@ from ..hybrid.components import component_list, components_of, numbers_of, perio
 from ..hybrid.longest_step import depends_on_time
 from ..hybrid.tree import with_float_arrays
 from ._attractor import Attractor
-from ._judged import OTHERS, Judged
+from ._codes import OTHERS
+from ._judged import Judged
 from ._lanes import Lanes, flat
 from ._settle import Settle, check_limits
 
@@ -53,7 +54,7 @@ class Basins(NamedTuple):
 
     @property
     def errors(self) -> dict[str, float]:
-        r"""Standard errors of the shares as parts of the box, $\\sqrt{p (1 - p) / n}$.
+        r"""Standard errors of the shares as parts of the box, $\sqrt{p (1 - p) / n}$.
 
         Those of independent points; evenly spread ones, on a grid or Sobol's, are nearer.
         """

@@ -13,12 +13,12 @@ from ..continuation import Equilibrium, PeriodicOrbit
 from ..hybrid import AbstractHybridSystem, Integrator, SaveAt, simulate
 from ..hybrid.components import numbers_of
 from ._accuracy import ACCURACY
-from ._attractor import Found, motions_at
+from ._attractor import Attractor, Found, motions_at
 from ._basins import Basins, check_start, turns
-from ._judged import Judged
+from ._judged import Judged, codes_from
 from ._lanes import Lanes, rows_of
 from ._settle import Settle, check_limits
-from ._tube import distances, stack_of
+from ._tube import distances
 
 
 def border_motion(
@@ -72,30 +72,34 @@ def border_motion(
     names = [attractor.name for attractor in attractors]
     if not set(between) <= set(names):
         raise refusal("found", between, f"of the same system, whose attractors are {', '.join(names)}")
-    codes = [names.index(name) for name in between]
-
-    def codes_at(part: np.ndarray) -> np.ndarray:
-        motions = Judged(lanes, settle, one + part[:, None] * (other - one), turn)
-        motions.attractors = attractors
-        motions.follow(finds=False)
-        return motions.code
-
-    low, high = 0.0, 1.0
-    while True:
-        part = np.linspace(low, high, ACCURACY.block)
-        code = codes_at(part)
-        # The last that comes to the first attractor before any that does not, the first to the other.
-        at = int(np.argmax(code != codes[0])) - 1
-        beyond = at + 1 + int(np.argmax(code[at + 1 :] == codes[1]))
-        known = at >= 0 and code[beyond] == codes[1] and beyond - at <= ACCURACY.block // 2
-        if not known or (part[at], part[beyond]) == (low, high):
-            break
-        low, high = part[at], part[beyond]
+    first, second = (names.index(name) for name in between)
+    low, high, _ = border_between(lanes, settle, attractors, (one, other), first, [second])
     motion = _on_border(lanes, settle, one + 0.5 * (low + high) * (other - one), turn)
     if motion is None:
         allowed = "two attractors between whose basins there is an unstable fixed point or orbit"
         raise refusal("between", between, allowed, but="none was found")
     return motion
+
+
+def border_between(
+    lanes: Lanes, settle: Settle, attractors: list[Attractor], ends: tuple[np.ndarray, np.ndarray],
+    own: int, others: list[int],
+) -> tuple[float, float, int]:  # fmt: skip
+    """The way between two states where the code `own` ends, as narrowly as numbers allow: the parts
+    beside the border, and the code beyond it, one of `others`."""
+    one, other = ends
+    low, high, after = 0.0, 1.0, own
+    while True:
+        part = np.linspace(low, high, ACCURACY.block)
+        code = codes_from(lanes, settle, attractors, one + part[:, None] * (other - one))
+        # The last that comes to the first attractor before any that does not, the first to another.
+        at = int(np.argmax(code != own)) - 1
+        is_beyond = np.isin(code[at + 1 :], others)
+        beyond = at + 1 + int(np.argmax(is_beyond))
+        known = at >= 0 and np.any(is_beyond) and beyond - at <= ACCURACY.block // 2
+        if not known or (part[at], part[beyond]) == (low, high):
+            return low, high, after
+        low, high, after = part[at], part[beyond], int(code[beyond])
 
 
 def _on_border(
@@ -106,13 +110,13 @@ def _on_border(
     best: tuple[float, Found | None] = (ACCURACY.near, None)
     for t in settle.times:
         motion.go_on(t)
-        if motion.code[0] != -1:
+        if not motion.open.size:
             break
         search, mode = motion.search, int(motion.mode[0])
         for found in motions_at(search, t, motion.y[0], mode):
             tube = found.attractor.tube
             assert tube is not None
-            away = float(distances(stack_of([tube]), motion.y, motion.mode)[0, 0])
+            away = float(distances([tube], motion.y, motion.mode)[0, 0])
             if found.rate > 0.0 and away < best[0] and _stays(lanes, t, found):
                 best = away, found
     return None if best[1] is None else best[1].attractor.motion
@@ -125,7 +129,7 @@ def _stays(lanes: Lanes, t: float, found: Found) -> bool:
     if attractor.kind == "orbit" or tube is None:
         return True
     moved = lanes(t, t + 1.0 / found.rate, tube.start, [-1])
-    return float(distances(stack_of([tube]), moved.y, moved.mode)[0, 0]) <= ACCURACY.same
+    return float(distances([tube], moved.y, moved.mode)[0, 0]) <= ACCURACY.same
 
 
 def _nearest(one: np.ndarray, other: np.ndarray) -> np.ndarray:

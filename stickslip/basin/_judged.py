@@ -2,17 +2,13 @@
 
 import numpy as np
 
-from ..hybrid.components import numbers_of
 from ..progress import Progress
 from ._accuracy import ACCURACY
 from ._attractor import Attractor, Search, motions_at, successor_of, with_radius
-from ._lanes import Lanes, flat
-from ._rests import same_set
+from ._codes import FAILED, LEFT, NOT_SETTLED, codes, known_of
+from ._lanes import Lanes, Moved
 from ._settle import Settle
-from ._tube import distances, stack_of
-
-NOT_SETTLED, LEFT, FAILED = -1, -2, -3
-OTHERS = {NOT_SETTLED: "not settled", LEFT: "left the limits", FAILED: "failed"}
+from ._tube import distances
 
 
 class Judged:
@@ -41,8 +37,6 @@ class Judged:
             found = successor_of(self.search._replace(scale=scale), before)
             if found is not None:
                 self.attractors.append(found)
-        names = numbers_of(lanes.unravel(np.zeros(size)))
-        self.limits = [(names.index(name), *pair) for name, pair in settle.limits.items()]
 
     @property
     def open(self) -> np.ndarray:
@@ -78,45 +72,27 @@ class Judged:
         self.t = t
         self.y[at], self.mode[at], self.still[at] = moved.y, moved.mode, moved.still
         failed = ~moved.successful
-        self.code[at[failed]], self.failure[at[failed]] = FAILED, moved.result[failed]
-        for place, low, high in self.limits:
-            outside = ~failed & ~((low <= moved.y[:, place]) & (moved.y[:, place] <= high))
-            self.code[at[outside]], self.entry[at[outside]] = LEFT, t
-        inside = moved.y[self.code[at] == NOT_SETTLED]
+        self.failure[at[failed]] = moved.result[failed]
+        self._judge(at, moved.successful)
+        inside = self.y[at[self.code[at] > LEFT]]
         if inside.size:
             self.low = np.minimum(self.low, np.min(inside, axis=0))
             self.high = np.maximum(self.high, np.max(inside, axis=0))
-        self._judge()
 
-    def _judge(self) -> None:
-        if self.settle.forcing_period is None:
-            self._judge_rests()
-        tubes = {k: a.tube for k, a in enumerate(self.attractors) if a.tube is not None}
-        at = self.open
-        if not at.size or not tubes:
-            return
-        rows = np.resize(at, -(-at.size // ACCURACY.block) * ACCURACY.block)
-        away = distances(stack_of(list(tubes.values())), self.y[rows], self.mode[rows])
-        radius = np.array([self.attractors[k].radius for k in tubes])
-        part = away[: at.size, : len(tubes)] / radius
-        nearest = np.argmin(part, axis=1)
-        near = np.min(part, axis=1) <= 1.0
-        self.code[at[near]] = np.array(list(tubes))[nearest[near]]
-        self.entry[at[near]] = self.t
-
-    def _judge_rests(self) -> None:
-        """Motions that have come to rest: without a force of the time they stay there."""
-        while (at := self.open[self.still[self.open]]).size:
-            mode = int(self.mode[at[0]])
-            alike = at[self.mode[at] == mode]
-            known = [k for k, a in enumerate(self.attractors) if (a.kind, a.mode) == ("rest", mode)]
-            for k in known:
-                there = flat(self.attractors[k].motion)
-                of_it = alike[same_set(self.lanes, self.t, mode, there, self.y[alike])]
-                self.code[of_it], self.entry[of_it] = k, self.t
-                alike = alike[self.code[alike] == NOT_SETTLED]
-            if alike.size:
-                self.add(Attractor("rest", "rest", self.lanes.unravel(self.y[alike[0]]), mode))
+    def _judge(self, at: np.ndarray, successful: np.ndarray) -> None:
+        """Some motions by what is known; one at rest that is none of these is an attractor."""
+        while at.size:
+            known = known_of(self.attractors, self.settle, self.lanes)
+            moved = Moved(None, self.y[at], self.mode[at], self.still[at], successful, None)
+            self.code[at] = code = codes(self.lanes, known, self.t, moved)
+            self.entry[at] = np.where((code == NOT_SETTLED) | (code == FAILED), np.nan, self.t)
+            # Without a force of the time they stay there.
+            free = self.settle.forcing_period is None
+            at = at[(code == NOT_SETTLED) & self.still[at] & free]
+            successful = np.ones(at.shape, bool)
+            if at.size:
+                motion = self.lanes.unravel(self.y[at[0]])
+                self.add(Attractor("rest", "rest", motion, int(self.mode[at[0]])))
 
     def _look(self) -> None:
         """Ask some of the open motions for an attractor that is not known."""
@@ -136,7 +112,7 @@ class Judged:
                     new = with_radius(search, self.t, found)
                     if new is not None:
                         self.add(new)
-                        self._judge()
+                        self._judge(self.open, np.ones(self.open.shape, bool))
                         break
 
     def number_of(self, found: Attractor) -> int | None:
@@ -144,8 +120,7 @@ class Judged:
         tubes = {k: a.tube for k, a in enumerate(self.attractors) if a.tube is not None}
         if not tubes or found.tube is None:
             return None
-        row = found.tube.start[:1], found.tube.mode[:1]
-        away = distances(stack_of(list(tubes.values())), *row)[0, : len(tubes)]
+        away = distances(list(tubes.values()), found.tube.start[:1], found.tube.mode[:1])[0]
         return list(tubes)[int(np.argmin(away))] if np.min(away) <= ACCURACY.same else None
 
     def add(self, found: Attractor) -> None:
@@ -153,3 +128,11 @@ class Judged:
         count = 1 + sum(name.startswith(found.kind) for name in self.named)
         self.named.append(f"{found.kind} {count}")
         self.attractors.append(found._replace(name=self.named[-1]))
+
+
+def codes_from(lanes: Lanes, settle: Settle, attractors: list[Attractor], y: np.ndarray) -> np.ndarray:
+    """Codes of motions from flat states by the attractors that are known."""
+    motions = Judged(lanes, settle, y, np.full(lanes.size, np.inf))
+    motions.attractors = attractors
+    motions.follow(finds=False)
+    return motions.code

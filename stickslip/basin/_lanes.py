@@ -1,7 +1,7 @@
 """Many motions of one system that go on together, a span at a time."""
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import equinox as eqx
 import jax
@@ -39,7 +39,8 @@ class Lanes:
         self.system, self.args = with_float_arrays((system, args))
         self.integrator = Integrator() if integrator is None else integrator
         self.shooting, self.mode_type = Shooting(integrator=integrator), mode_type(system)
-        self.unravel: Callable[[Any], PyTree] = ravel_pytree(y0)[1]
+        row, back = ravel_pytree(y0)
+        self.size, self.unravel = len(row), cast(Callable[[Any], PyTree], back)
         self.numbers, self.rest = eqx.partition((self.system, self.args), eqx.is_array)
         self.program = map_lanes(self.run)
 

@@ -42,25 +42,27 @@ def tube_of(rows: Any, modes: Any, across: Any, scale: Any, turn: Any) -> Tube:
     return Tube(y[:-1][whole], y[1:][whole], leaving, arriving, modes[:-1][whole], across, scale, turn)
 
 
-def stack_of(tubes: list[Tube]) -> Tube:
-    """Tubes with one more axis in front, as many as a power of two and as long as one."""
-    pieces = 1 << max(max(len(tube.mode) for tube in tubes) - 1, 0).bit_length()
+def stack_of(tubes: list[Tube], size: int) -> Tube:
+    """Tubes of states of a size with one more axis in front: as many as a power of two and as long as
+    one, filled up with some that are nowhere near."""
+    pieces = 1 << max(max((len(tube.mode) for tube in tubes), default=1) - 1, 0).bit_length()
 
     def longer(tube: Tube) -> Tube:
         more = pieces - len(tube.mode)
         rows = {name: np.pad(getattr(tube, name), ((0, more), (0, 0))) for name in Tube._fields[:4]}
         return tube._replace(mode=np.pad(tube.mode, (0, more), constant_values=-1), **rows)
 
-    count = 1 << (len(tubes) - 1).bit_length()
-    none = tubes[0]._replace(mode=np.full_like(tubes[0].mode, -1))
-    rows = [longer(tube) for tube in [*tubes, *[none] * (count - len(tubes))]]
-    return jax.tree.map(lambda *leaves: np.stack(leaves), *rows)
+    row, ones = np.zeros((1, size)), np.ones(size)
+    none = Tube(row, row, row, row, np.full(1, -1), np.eye(size), ones, np.inf * ones)
+    more = (1 << max(len(tubes) - 1, 0).bit_length()) - len(tubes)
+    return jax.tree.map(lambda *leaves: np.stack(leaves), *map(longer, [*tubes, *[none] * more]))
 
 
-def distances(tubes: Tube, y: np.ndarray, mode: np.ndarray) -> np.ndarray:
+def distances(tubes: list[Tube], y: np.ndarray, mode: np.ndarray) -> np.ndarray:
     """How far each state `[lane, size]` is from each tube, in parts of its sizes, `[lane, tube]`;
     infinite in another mode."""
-    return np.asarray(_distances(tubes, y, np.asarray(mode, np.int64)))
+    found = _distances(stack_of(tubes, y.shape[1]), y, np.asarray(mode, np.int64))
+    return np.asarray(found)[:, : len(tubes)]
 
 
 @eqx.filter_jit

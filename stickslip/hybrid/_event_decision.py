@@ -124,9 +124,13 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
             close = close + near.astype(close.dtype)
         if is_guard and functions.count > 1:
             # No other is located beside a guard that rests on zero, or has just fired and is below it
-            # by rounding, on which hops that are lost in the rounding of the state change nothing.
-            rounded = ~free & (stop_gradient(value) > -ACCURACY.slack) & (lane.bracket.beyond != i)
-            value = jnp.where((at_start | rounded) & (rate >= 0), ACCURACY.far, value)
+            # by rounding. Of bends, which may have a twin, a hop that is lost in the rounding of the
+            # state changes nothing on that.
+            rounded = at_start
+            if bend:
+                near = stop_gradient(value) > -ACCURACY.slack
+                rounded = rounded | (~free & near & (lane.bracket.beyond != i))
+            value = jnp.where(rounded & (rate >= 0), ACCURACY.far, value)
         if i in functions.continuous and functions.count > 1:
             idle = _stays(plan, value, rate) & (lane.bracket.beyond != i)
             value = jnp.where(idle, ACCURACY.far, value)

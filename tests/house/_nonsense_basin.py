@@ -7,7 +7,7 @@ import numpy as np
 from stickslip import basin, plot
 from stickslip.systems import Motion
 from tests.house._nonsense_continuation import ORBIT
-from tests.house._nonsense_engine import ARGS, INTEGRATOR, STATE, SWEEP, SYSTEM, inside
+from tests.house._nonsense_engine import ARGS, INTEGRATOR, STATE, SYSTEM
 from tests.house._nonsense_target import Target, arg
 
 BOX = arg({"x": (0.0, 1.0), "v": (0.0, 1.0)})
@@ -18,6 +18,7 @@ FOUND = basin.Basins(
     np.ones((2, 2)), np.full((2, 2), ""),
 )  # fmt: skip
 OVER = basin.BasinsOver("stiffness", np.array([1.0, 2.0]), (FOUND, FOUND))
+JUDGE = basin.Judge(SYSTEM.value, FOUND, SETTLE.value)
 CYCLE = eqx.tree_at(lambda orbit: orbit.repeats, ORBIT, jnp.ones((), jnp.int32))
 POINTS = arg((2, 2))
 TARGETS = [
@@ -44,18 +45,28 @@ TARGETS = [
         },
     ),
     Target(
-        basin.sweep_starts,
+        basin.Judge,
         {
-            "system": SYSTEM, "found": arg(FOUND), "settle": SETTLE, "points": POINTS,
-            "integrator": INTEGRATOR, "args": ARGS,
-            **{name: SWEEP[name] for name in ("store", "compute", "part")},
+            "system": SYSTEM, "found": arg(FOUND), "settle": SETTLE, "integrator": INTEGRATOR,
+            "args": ARGS,
         },
-        lambda store, **given: basin.sweep_starts(store=inside(store), **given),
+    ),
+    Target(basin.Judge.grid, {"points": POINTS}, JUDGE.grid),
+    Target(basin.Judge.spread, {"points": arg(4, "positive")}, JUDGE.spread),
+    Target(
+        basin.Judge.__call__, {"place": arg({"x": 0.5, "v": 0.5})}, lambda place: JUDGE(**place)
     ),
     Target(
         basin.border_motion,
         {
             "system": SYSTEM, "found": arg(FOUND), "between": arg(("rest 1", "rest 2")),
+            "settle": SETTLE, "integrator": INTEGRATOR, "args": ARGS,
+        },
+    ),
+    Target(
+        basin.smallest_kick,
+        {
+            "system": SYSTEM, "found": arg(FOUND), "y": STATE, "by": arg({"v": 1.0}),
             "settle": SETTLE, "integrator": INTEGRATOR, "args": ARGS,
         },
     ),

@@ -5,6 +5,7 @@ from typing import ClassVar
 import numpy as np
 from matplotlib.path import Path
 from scipy.integrate import solve_ivp
+from scipy.optimize import minimize_scalar
 
 from stickslip.friction import Coulomb, Stribeck
 from stickslip.mechanism import AbstractMechanism, Contact
@@ -87,3 +88,63 @@ def well(x: float, v: float, damping: float = 0.3) -> int:
     energy.terminal = True
     end = solve_ivp(field, (0.0, 500.0), [x, v], rtol=1e-10, atol=1e-12, events=energy).y[:, -1]
     return int(np.sign(end[0]))
+
+
+def saddle_border(damping: float = 0.3) -> list:
+    """The stable manifold of the saddle between the wells, backwards in time: a motion each way."""
+
+    def back(t, y):
+        return [-y[1], -(y[0] - y[0] ** 3 - damping * y[1])]
+
+    rate = -0.5 * damping - np.sqrt(0.25 * damping**2 + 1.0)
+    starts = [1e-7 * side * np.array([1.0, rate]) for side in (1.0, -1.0)]
+    given = {"rtol": 1e-12, "atol": 1e-14, "dense_output": True}
+    return [solve_ivp(back, (0.0, 22.0), start, **given).sol for start in starts]
+
+
+def nearest(curves: list, place: np.ndarray, sizes: np.ndarray) -> float:
+    """Least distance of curves from a place, in the sizes of the components."""
+    found = []
+    for curve in curves:
+        t = np.linspace(0.0, 22.0, 20_001)
+        away = np.linalg.norm((curve(t).T - place) / sizes, axis=1)
+        at = float(t[np.argmin(away)])
+        fine = minimize_scalar(
+            lambda t, curve=curve: float(np.sum(((curve(t) - place) / sizes) ** 2)),
+            bounds=(at - 0.01, at + 0.01), method="bounded", options={"xatol": 1e-10},
+        )  # fmt: skip
+        found.append(np.sqrt(fine.fun))
+    return min(found)
+
+
+class MagneticPendulum(AbstractMechanism):
+    """A pendulum above three magnets on a circle, one of them on the axis of x."""
+
+    coordinates: ClassVar = {"x": "m", "y": "m"}
+
+    def mass_matrix(self, q):
+        return {"x": 1.0, "y": 1.0}
+
+    def forces(self, t, q, v, args):
+        pull = [-0.5 * q.x - 0.2 * v.x, -0.5 * q.y - 0.2 * v.y]
+        for x, y in MAGNETS:
+            away = x - q.x, y - q.y
+            cube = (away[0] ** 2 + away[1] ** 2 + 0.09) ** 1.5
+            pull = [force + part / cube for force, part in zip(pull, away, strict=True)]
+        return {"x": pull[0], "y": pull[1]}
+
+
+MAGNETS = [(1.0, 0.0), (-0.5, 0.75**0.5), (-0.5, -(0.75**0.5))]
+
+
+def magnet(x: float, y: float) -> int:
+    """Above which magnet a pendulum comes to rest that is let go at a place."""
+    places = np.array(MAGNETS)
+
+    def field(t, z):
+        away = places - z[:2]
+        pull = np.sum(away / (np.sum(away**2, axis=1) + 0.09)[:, None] ** 1.5, axis=0)
+        return [*z[2:], *(pull - 0.5 * z[:2] - 0.2 * z[2:])]
+
+    end = solve_ivp(field, (0.0, 200.0), [x, y, 0.0, 0.0], method="DOP853", rtol=1e-11, atol=1e-12)
+    return int(np.argmin(np.sum((places - end.y[:2, -1]) ** 2, axis=1)))

@@ -7,22 +7,25 @@ import pytest
 import stickslip as ss
 from stickslip import plot
 from stickslip.basin import (
+    Judge,
     Settle,
     basins,
     basins_over,
     border_motion,
     share_inside,
-    sweep_starts,
 )
 from stickslip.basin._attractor import Search, fixed_point_at
 from stickslip.basin._border import _stays
 from stickslip.basin._lanes import Lanes
 from tests.stickslip.basin._systems import (
     BOX,
+    MAGNETS,
     SHARES,
+    MagneticPendulum,
     OnBelt,
     TwoWells,
     Wells,
+    magnet,
     sliding_border,
     well,
 )
@@ -211,12 +214,13 @@ def test_a_map_is_drawn_and_a_dataset(wells):
 
 def test_many_starts_in_a_store_are_judged_as_in_the_map(wells, tmp_path):
     """Two shares of the work, then the rest of it; the same as in one go, and as in the map."""
-    shares = {"settle": Settle(100.0), "points": (12, 12)}
+    judge = Judge(Wells(), wells, Settle(100.0))
+    grid = judge.grid((12, 12))
     storage = ss.sweep.Storage(tmp_path / "a", chunk=36)
-    half = sweep_starts(Wells(), wells, **shares, store=storage, part=(0, 2))
+    half = ss.sweep.run_sweep(judge, grid, store=storage, labels=judge.labels, part=(0, 2))
     assert half.attrs["sweep_state"] != "finished"
-    whole = sweep_starts(Wells(), wells, **shares, store=storage)
-    again = sweep_starts(Wells(), wells, **shares)
+    whole = ss.sweep.run_sweep(judge, grid, store=storage, labels=judge.labels)
+    again = ss.sweep.run_sweep(judge, grid, labels=judge.labels)
     for name in ("code", "entry"):
         np.testing.assert_array_equal(whole[name], again[name])
     np.testing.assert_array_equal(whole.code, wells.code)
@@ -224,16 +228,53 @@ def test_many_starts_in_a_store_are_judged_as_in_the_map(wells, tmp_path):
     assert whole.code.dims == ("x", "v_x")
     np.testing.assert_allclose(whole.x, wells.starts.x[:, 0], rtol=0)
     np.testing.assert_allclose(whole.v_x, wells.starts.v_x[0], rtol=0)
-    left = sweep_starts(Wells(), wells, Settle(100.0, limits={"x": (-1.2, 1.2)}), 64)
+    assert whole.code.attrs["flag_meanings"].startswith("fixed point 1, fixed point 2, not settled")
+    judge = Judge(Wells(), wells, Settle(100.0, limits={"x": (-1.2, 1.2)}))
+    left = ss.sweep.run_sweep(judge, {"start": np.arange(64)}, inputs=judge.spread(64))
     assert set(left.code.values) == {-2, 0, 1}
-    assert left.code.attrs["flag_meanings"].startswith("fixed point 1, fixed point 2, not settled")
 
 
-def test_many_starts_come_to_rests_and_fail(tmp_path):
+def test_a_border_is_refined_where_neighbours_differ(wells):
+    judge = Judge(Wells(), wells, Settle(100.0))
+    found = ss.sweep.refine_sweep(judge, judge.grid((12, 12)), {"code": 0}, levels=3)
+    assert 144 < found.code.size < 0.5 * (11 * 2**3 + 1) ** 2
+    place = [np.sign(float(a.motion.y.x)) for a in wells.attractors]
+    fine = np.flatnonzero(found.level.values == 3)
+    for lane in np.random.default_rng(0).choice(fine, 30, replace=False):
+        x, v = float(found.x[lane]), float(found.v_x[lane])
+        assert place[int(found.code[lane])] == well(x, v), (x, v)
+
+
+@pytest.mark.more
+def test_a_magnetic_pendulum_comes_to_rest_as_the_reference_does():
+    """Fractal basins; the mirror image of a start comes to the mirror image of its magnet."""
+    system, box = MagneticPendulum(), {"x": (-1.5, 1.5), "y": (-1.5, 1.5)}
+    found = basins(system, system.state(), box, Settle(120.0), points=(24, 24))
+    places = np.array([[float(a.motion.y.x), float(a.motion.y.y)] for a in found.attractors])
+    assert len(places) == 3
+    above = np.argmin(np.linalg.norm(places[:, None] - np.array(MAGNETS), axis=2), axis=1)
+    code = above[found.code]
+    assert np.all(found.code >= 0)
+    assert np.array_equal(np.array([0, 2, 1])[code[:, ::-1]], code)
+    for i, j in np.random.default_rng(0).integers(0, 24, (40, 2)):
+        assert code[i, j] == magnet(found.starts.x[i, j], found.starts.y[i, j])
+
+
+def test_many_starts_come_to_rests_and_fail():
     system = TwoWells(0.1, 0.38)
     found = basins(system, system.state(), SQUARE, Settle(200.0), points=(8, 8))
-    whole = sweep_starts(system, found, Settle(200.0), (8, 8))
+    judge = Judge(system, found, Settle(200.0))
+    whole = ss.sweep.run_sweep(judge, judge.grid((8, 8)))
     np.testing.assert_array_equal(whole.code, found.code)
-    few = sweep_starts(system, found, Settle(20.0), 16, integrator=ss.Integrator(max_steps=3))
+    judge = Judge(system, found, Settle(20.0), integrator=ss.Integrator(max_steps=3))
+    few = ss.sweep.run_sweep(judge, {"start": np.arange(16)}, inputs=judge.spread(16))
     assert set(few.code.values) == {-3}
     assert np.all(np.isnan(few.entry))
+
+
+def test_a_judge_names_what_it_does_not_know(wells):
+    judge = Judge(Wells(), wells, Settle(100.0))
+    with pytest.raises(ValueError, match=r"place.*all components of the box: x, v_x"):
+        judge(x=1.0)
+    with pytest.raises(ValueError, match=r"place.*'y'"):
+        judge(x=1.0, v_x=0.0, y=2.0)

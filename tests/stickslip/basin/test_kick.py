@@ -1,0 +1,62 @@
+"""The smallest kick that changes a motion, beside borders that SciPy follows backwards in time."""
+
+import numpy as np
+import pytest
+
+from stickslip.basin import Settle, basins, smallest_kick
+from tests.stickslip.basin._systems import BOX, OnBelt, Wells, nearest, saddle_border, sliding_border
+
+SQUARE = {"x": (-2.0, 2.0), "v_x": (-2.0, 2.0)}
+
+
+@pytest.fixture(scope="module")
+def wells():
+    return basins(Wells(), Wells().state(), SQUARE, Settle(100.0), points=(8, 8))
+
+
+@pytest.mark.more
+@pytest.mark.parametrize("by", [{"x": 1.0, "v_x": 1.0}, {"x": 0.2, "v_x": 1.0}])
+def test_the_smallest_kick_leads_to_the_nearest_place_of_the_border(wells, by):
+    found = smallest_kick(Wells(), wells, Wells().state(x=1.0), by, Settle(100.0))
+    expected = nearest(saddle_border(), np.array([1.0, 0.0]), np.array(list(by.values())))
+    assert abs(found.size / expected - 1.0) < 1e-8
+    assert found.to == next(a.name for a in wells.attractors if float(a.motion.y.x) < 0.0)
+    length = np.sqrt(sum((found.change[name] / size) ** 2 for name, size in by.items()))
+    assert abs(length / found.size - 1.0) < 1e-12
+    assert abs(float(found.y.x) - 1.0 - found.change["x"]) < 1e-15
+
+
+def test_a_kick_of_the_speed_alone(wells):
+    found = smallest_kick(Wells(), wells, Wells().state(x=1.0), {"v_x": 1.0}, Settle(100.0))
+    curves = saddle_border()
+    speeds = []
+    for curve in curves:
+        t = np.linspace(0.0, 22.0, 200_001)
+        x, v = curve(t)
+        across = np.flatnonzero((x[1:] - 1.0) * (x[:-1] - 1.0) < 0.0)
+        part = (1.0 - x[across]) / (x[across + 1] - x[across])
+        speeds.extend(v[across] + part * (v[across + 1] - v[across]))
+    assert abs(found.size / np.min(np.abs(speeds)) - 1.0) < 1e-7
+    assert list(found.change) == ["v_x"]
+
+
+@pytest.mark.more
+def test_friction_is_kicked_over_its_unstable_cycle():
+    system = OnBelt()
+    found = basins(system, system.state(), BOX, Settle(300.0), points=(8, 8))
+    place = next(a.motion.y for a in found.attractors if a.kind == "fixed point")
+    kick = smallest_kick(system, found, place, {"x": 1.0, "v_x": 1.0}, Settle(300.0))
+    border = np.asarray(sliding_border(1.5).vertices)
+    away = np.linalg.norm(border - np.array([place.x, place.v_x], float), axis=1)
+    assert abs(kick.size / np.min(away) - 1.0) < 1e-6
+    assert kick.to == "orbit 1"
+
+
+def test_kicks_that_change_nothing_and_wrong_arguments(wells):
+    small = wells._replace(box={"x": (0.9, 1.1), "v_x": (-0.1, 0.1)})
+    with pytest.raises(ValueError, match="none was found"):
+        smallest_kick(Wells(), small, Wells().state(x=1.0), {"v_x": 1.0}, Settle(100.0))
+    with pytest.raises(ValueError, match=r"by.*components of the box: x, v_x"):
+        smallest_kick(Wells(), wells, Wells().state(x=1.0), {"y": 1.0}, Settle(100.0))
+    with pytest.raises(ValueError, match=r"y.*comes to an attractor"):
+        smallest_kick(Wells(), wells, Wells().state(), {"v_x": 1.0}, Settle(100.0))
