@@ -14,6 +14,7 @@ from stickslip.checks import (
     is_concrete,
     numbers,
     one_number,
+    one_row,
     refusal,
 )
 
@@ -67,6 +68,16 @@ def pair(name: str, value: Any, *, scalar: bool = False) -> tuple[Any, Any]:
         one_number(f"{name}[{i}]", item)
     one, two = (_array(check_finite(f"{name}[{i}]", item)) for i, item in enumerate(value))
     return one, two
+
+
+def unit_row(name: str, value: Any) -> Any:
+    """A direction in the plane, a row `(x, y)` of any length but 0, as one of the length 1."""
+    one_row(name, value)
+    if np.shape(value) != (2,) or (is_concrete(value) and not np.any(np.asarray(value))):
+        raise refusal(name, value, "a row (x, y), not 0")
+    row = np.asarray(value, np.float64) if is_concrete(value) else as_parameter(value)
+    row = row / abs(row).max()
+    return row / (row[0] ** 2 + row[1] ** 2) ** 0.5
 
 
 def dmn_number(name: str, value: Any) -> Any:

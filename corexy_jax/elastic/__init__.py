@@ -1,5 +1,7 @@
 """CoreXY as printers have it: toothed belts that stretch, in a frame, with their drives."""
 
+from ._acceleration_limits import AccelerationLimits as AccelerationLimits
+from ._acceleration_limits import acceleration_limits as acceleration_limits
 from ._axis_shapers import AxisShapers as AxisShapers
 from ._belts import Belts as Belts
 from ._belts import Frame as Frame

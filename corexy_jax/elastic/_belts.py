@@ -6,14 +6,7 @@ import equinox as eqx
 from jaxtyping import Array, Float
 
 from stickslip import positive_part
-from stickslip.checks import (
-    Given,
-    Numeric,
-    as_parameter,
-    check_nonnegative,
-    check_positive,
-    check_type,
-)
+from stickslip.checks import Given, Numeric, as_parameter, check_nonnegative, check_positive, check_type
 
 from .._arguments import finite
 from .._parameters import CoreXYParameters

@@ -71,9 +71,11 @@ def _vibrations(p: CoreXYParameters, belts: Belts, x: Array, y: Array, holding: 
     held = jnp.where(free, holding, 0.0) / p.r**2 * jnp.array([0.0, 0.0, 1.0, 1.0])
     stretch = jnp.asarray(STRETCH) * root[None, :]
     elastic = stretch.T @ (jnp.stack(belts.stiffness(x, y))[:, None] * stretch)
-    squares, columns = jnp.linalg.eigh(elastic + jnp.diag(held * root**2))
-    # Those of rigid motions are rounding.
-    omega = jnp.sqrt(jnp.where(squares > 1e-12 * squares[-1], squares, 0.0))
+    # Motors that are held have squares apart, without which their shapes would have no derivative.
+    apart = jnp.where(free, 0.0, jnp.array([0.0, 0.0, -1.0, -2.0]))
+    squares, columns = jnp.linalg.eigh(elastic + jnp.diag(held * root**2 + apart))
+    rings = squares > 1e-12 * squares[-1]  # those of rigid motions are rounding
+    omega = jnp.sqrt(jnp.where(rings, squares, 1.0))
     loss = jnp.sum(columns * (elastic @ columns), axis=0) * belts.retardation
-    damping = jnp.where(omega > 0.0, 0.5 * loss / jnp.where(omega > 0.0, omega, 1.0), 0.0)
+    omega, damping = (jnp.where(rings, a, 0.0) for a in (omega, 0.5 * loss / omega))
     return omega / (2.0 * jnp.pi), damping, columns.T * root[None, :]

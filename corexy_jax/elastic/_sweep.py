@@ -2,17 +2,9 @@
 
 import numpy as np
 
-from stickslip.checks import (
-    Given,
-    Numeric,
-    Row,
-    as_parameter,
-    check_known,
-    one_concrete,
-    one_row,
-    refusal,
-)
+from stickslip.checks import Given, Numeric, Row, as_parameter, check_known, one_concrete, refusal
 
+from .._arguments import unit_row
 from ._trajectory import Trajectory
 
 
@@ -47,11 +39,7 @@ def resonance_sweep(
     **Returns** a `Trajectory`. **Raises** `TypeError`, `ValueError` naming the argument. It reads
     numbers and does not work under `jit`.
     """
-    along = np.asarray(check_known("direction", one_row("direction", direction)), np.float64)
-    if along.shape != (2,) or not np.any(along):
-        raise refusal("direction", direction, "a row (x, y), not 0")
-    along = along / np.max(np.abs(along))
-    along = along / np.hypot(*along)
+    along = unit_row("direction", check_known("direction", direction))
     low, high, growth, per_hz = (
         float(one_concrete(name, value, "positive"))
         for name, value in (

@@ -106,22 +106,39 @@ class InputShaper(eqx.Module):
         return jax.tree.map(lambda *a: sum(A * x for A, x in zip(sizes, a, strict=True)), *parts)
 
     def residual(self, omega: Numeric, damping: Numeric = 0.0) -> Float[Array, "..."]:
-        r"""Vibration that it leaves, of that behind a step without a shaper,
+        r"""Vibration that it leaves, of that behind a step without a shaper, $R_n$ of the last part of
 
-        $$e^{-\zeta\omega t_n}\left|\sum_k A_k e^{\zeta\omega t_k}
-          e^{i\omega\sqrt{1 - \zeta^2}\,t_k}\right|.$$
+        $$R_n = \left|\sum_{k \le n} A_k e^{-\zeta\omega(t_n - t_k)}
+          e^{i\omega\sqrt{1 - \zeta^2}\,(t_n - t_k)}\right|.$$
 
         **Arguments:** `omega` [rad/s] and `damping` of the machine, numbers or arrays that broadcast.
         **Raises** `TypeError`, `ValueError` for anything else.
         """
+        return self._step(omega, damping)[0]
+
+    def peak(self, omega: Numeric, damping: Numeric = 0.0) -> Float[Array, "..."]:
+        r"""Bound of the way behind a step, of that to where it ends: 2 without a shaper.
+
+        It is $\max_n(\sum_{k \le n} A_k + R_n/\sqrt{1 - \zeta^2})$ with $R_n$ and the arguments of
+        `residual`: without damping $1 + R_n$ of the last part, with damping it may be more.
+        """
+        return self._step(omega, damping)[1]
+
+    def _step(self, omega: Numeric, damping: Numeric) -> tuple[Any, Any]:
+        """The residual and the peak."""
         check_between("damping", damping, 0, 0.999999)
         omega, damping = jnp.broadcast_arrays(
             *(jnp.asarray(reals(self, *a)) for a in (("omega", omega), ("damping", damping)))
         )
-        real = imaginary = jnp.zeros_like(omega)
-        last = self._parts[-1][1]
+        root = jnp.sqrt(1.0 - damping**2)
+        real = imaginary = peak = jnp.zeros_like(omega)
+        whole = last = 0.0
         for size, time in self._parts:
-            left = size * jnp.exp(omega * damping * (time - last))
-            turn = omega * jnp.sqrt(1.0 - damping**2) * (time - last)
-            real, imaginary = real + left * jnp.cos(turn), imaginary + left * jnp.sin(turn)
-        return jnp.hypot(real, imaginary)
+            decay, turn = jnp.exp(omega * damping * (last - time)), omega * root * (time - last)
+            real, imaginary = (
+                size + decay * (real * jnp.cos(turn) - imaginary * jnp.sin(turn)),
+                decay * (real * jnp.sin(turn) + imaginary * jnp.cos(turn)),
+            )
+            whole, last = whole + size, time
+            peak = jnp.maximum(peak, whole + jnp.hypot(real, imaginary) / root)
+        return jnp.hypot(real, imaginary), peak

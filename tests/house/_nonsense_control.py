@@ -18,6 +18,7 @@ MAP = control.HuntingMap(
 FINITE = ("finite", "float32", "batch")
 GAIN = arg(1.0, *FINITE)
 ONE = ("positive", "float32")
+SHAPER = control.InputShaper(0.0, "EI", 1.0)
 UPDATE = arg(PID, "function")
 OFTEN = {
     "period": arg(0.1, *ONE),
@@ -53,9 +54,9 @@ TARGETS = [
             "damping": arg(0.1, "zero", "float32", "row"),
         },
     ),
-    Target(
-        control.InputShaper(0.0, "EI", 1.0).residual,
-        {"omega": arg(1.0, "reals"), "damping": arg(0.1, "zero", "float32", "row")},
+    *(
+        Target(of, {"omega": arg(1.0, "reals"), "damping": arg(0.1, "zero", "float32", "row")})
+        for of in (SHAPER.residual, SHAPER.peak)
     ),
     Target(control.encoder_reading, {"x": arg(0.1, "reals"), "quantum": arg(0.1, *ONE)}),
     Target(

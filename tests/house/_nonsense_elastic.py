@@ -67,6 +67,16 @@ TARGETS = [
     Target(elastic.resonances, ABOUT),
     Target(elastic.lost_motion, ABOUT),
     Target(
+        elastic.acceleration_limits,
+        {
+            **ABOUT,
+            "direction": arg([1.0, 0.0], "row"),
+            "tolerance": arg(1e-5, *POSITIVE),
+            "torque": arg(np.inf, "infinite", *NOT_NEGATIVE),
+            "shaper": arg(None, "none"),
+        },
+    ),
+    Target(
         elastic.Stepper,
         {
             "path": arg(command, "function"),

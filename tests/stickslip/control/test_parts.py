@@ -190,6 +190,17 @@ def test_what_a_shaper_leaves_is_the_sum_of_its_steps(kind):
     assert float(plain.residual(1.0)) == pytest.approx(0.05 if kind == "EI" else 0.0, abs=1e-12)
     knows = float(shaper.residual(7.0, 0.1))
     assert knows == pytest.approx(0.0, abs=1e-12) if kind in ("ZV", "ZVD", "MZV") else knows < 0.06
+    # Of a step in parts, each with a vibration of its own, by when they come.
+    t = np.linspace(0.0, 4.0, 40_001)
+    since = np.maximum(t[:, None] - np.asarray(shaper.times), 0.0)
+    for damping in (0.0, 0.02):
+        rates = omega * (-damping + 1j * np.sqrt(1.0 - damping**2))
+        waves = np.exp(rates[:, None, None] * since) * (1.0 + 1j * damping / np.sqrt(1.0 - damping**2))
+        reached = np.max((1.0 - waves.real) @ np.asarray(shaper.amplitudes), axis=1)
+        peak = np.asarray(shaper.peak(omega, damping))
+        assert np.all(reached <= peak * (1.0 + 1e-9))
+        assert np.all(reached > (0.9 if damping else 1.0 - 1e-6) * peak)
+        assert damping > 0.0 or np.allclose(peak, 1.0 + shaper.residual(omega), rtol=1e-12)
 
 
 def test_readings():
