@@ -190,15 +190,15 @@ def with_radius(search: Search, t: float, found: Found) -> Attractor | None:
 
     From the border of each of several balls about places of the attractor, each half as large as the
     one before, all motions looked at must be in the ball of half the radius at the end of `wait`, in
-    which the linear motion halves its distance twice. Deviations are those that the mode allows.
+    which the slowest linear motion halves its distance twice, or after twice that time, and so on:
+    where directions of decay are all but parallel, distances grow before they fall. Deviations are
+    those that the mode allows.
     """
     lanes, tube, count = search.lanes, found.attractor.tube, ACCURACY.many
     assert tube is not None
     end = min(found.wait, search.duration)
     if search.forcing_period is not None:
         end = search.forcing_period * max(round(end / search.forcing_period), 1)
-    # A slower one is judged by what the time allows.
-    share = max(0.5, 0.5 * (1.0 + np.exp(found.rate * end)))
     place = np.linspace(0, len(tube.mode) - 1, ACCURACY.few).astype(int)
     mode = jnp.asarray(tube.mode[place], lanes.mode_type)
     allowed = _deviations_in(
@@ -212,10 +212,16 @@ def with_radius(search: Search, t: float, found: Found) -> Attractor | None:
     radii = 0.5 ** np.arange(1.0, ACCURACY.levels + 1)
     start = tube.start[place[which]]
     y = (start + radii[:, None, None] * ways * tube.scale).reshape(-1, len(tube.scale))
-    moved = lanes(t, t + end, y, np.tile(tube.mode[place[which]], ACCURACY.levels))
-    away = np.where(moved.successful, distances(stack_of([tube]), moved.y, moved.mode)[:, 0], np.inf)
-    nearer = np.max(away.reshape(ACCURACY.levels, count), axis=1) <= share * radii
-    fine = np.logical_and.accumulate(nearer[::-1])[::-1]
+    modes, since, good, fine = np.tile(tube.mode[place[which]], ACCURACY.levels), 0.0, True, [False]
+    while not fine[-1] and (since == 0.0 or end <= search.duration):
+        moved = lanes(t + since, t + end, y, modes)
+        y, modes, since, good = moved.y, moved.mode, end, good & moved.successful
+        away = np.where(good, distances(stack_of([tube]), y, modes)[:, 0], np.inf)
+        # A slower one is judged by what the time allows.
+        share = max(0.5, 0.5 * (1.0 + np.exp(found.rate * end)))
+        nearer = np.max(away.reshape(ACCURACY.levels, count), axis=1) <= share * radii
+        fine = np.logical_and.accumulate(nearer[::-1])[::-1]
+        end = 2.0 * end
     if not fine[-1]:
         return None
     # Half of it: between the directions there are others.
