@@ -190,28 +190,17 @@ def with_radius(search: Search, t: float, found: Found) -> Attractor | None:
 
     From the border of each of several balls about places of the attractor, each half as large as the
     one before, all motions looked at must be in the ball of half the radius at the end of `wait`, in
-    which the linear motion halves its distance twice, or of twice, four times that: where a place has
-    become a speed, which has another size, the distance has grown first. Deviations are those that the
-    mode allows.
+    which the slowest linear motion halves its distance twice, or of twice that time, and so on: where
+    directions of decay are all but parallel, or a place becomes a speed, which has another size,
+    distances grow before they fall. Deviations are those that the mode allows.
     """
-    end, last = found.wait, search.duration
-    while end < last:
-        radius = _radius(search, t, found, end)
-        if radius > 0.0:
-            return found.attractor._replace(radius=radius)
-        end *= 2.0
-    radius = _radius(search, t, found, last)
-    return found.attractor._replace(radius=radius) if radius > 0.0 else None
-
-
-def _radius(search: Search, t: float, found: Found, end: float) -> float:
-    """The radius by what motions do within a time `end` [s]; 0 without one."""
     lanes, tube, count = search.lanes, found.attractor.tube, ACCURACY.many
     assert tube is not None
-    if search.forcing_period is not None:
-        end = search.forcing_period * max(round(end / search.forcing_period), 1)
-    # A slower one is judged by what the time allows.
-    share = max(0.5, 0.5 * (1.0 + np.exp(found.rate * end)))
+
+    def whole(time: float) -> float:
+        period = search.forcing_period
+        return time if period is None else period * max(round(time / period), 1)
+
     place = np.linspace(0, len(tube.mode) - 1, ACCURACY.few).astype(int)
     mode = jnp.asarray(tube.mode[place], lanes.mode_type)
     allowed = _deviations_in(
@@ -225,12 +214,21 @@ def _radius(search: Search, t: float, found: Found, end: float) -> float:
     radii = 0.5 ** np.arange(1.0, ACCURACY.levels + 1)
     start = tube.start[place[which]]
     y = (start + radii[:, None, None] * ways * tube.scale).reshape(-1, len(tube.scale))
-    moved = lanes(t, t + end, y, np.tile(tube.mode[place[which]], ACCURACY.levels))
-    away = np.where(moved.successful, distances([tube], moved.y, moved.mode)[:, 0], np.inf)
-    nearer = np.max(away.reshape(ACCURACY.levels, count), axis=1) <= share * radii
-    fine = np.logical_and.accumulate(nearer[::-1])[::-1]
+    modes, good, fine = np.tile(tube.mode[place[which]], ACCURACY.levels), True, [False]
+    wait, end, last = found.wait, 0.0, whole(search.duration)
+    while not fine[-1] and end < last:
+        since, end, wait = end, min(whole(min(wait, last)), last), 2.0 * wait
+        moved = lanes(t + since, t + end, y, modes)
+        y, modes, good = moved.y, moved.mode, good & moved.successful
+        away = np.where(good, distances([tube], y, modes)[:, 0], np.inf)
+        # A slower one is judged by what the time allows.
+        share = max(0.5, 0.5 * (1.0 + np.exp(found.rate * end)))
+        nearer = np.max(away.reshape(ACCURACY.levels, count), axis=1) <= share * radii
+        fine = np.logical_and.accumulate(nearer[::-1])[::-1]
+    if not fine[-1]:
+        return None
     # Half of it: between the directions there are others.
-    return 0.5 * float(radii[np.argmax(fine)]) if fine[-1] else 0.0
+    return found.attractor._replace(radius=0.5 * float(radii[np.argmax(fine)]))
 
 
 def successor_of(search: Search, before: Attractor) -> Attractor | None:

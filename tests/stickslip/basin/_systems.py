@@ -65,6 +65,18 @@ class Wells(AbstractMechanism):
         return {"x": q.x - q.x**3 - self.damping * v.x}
 
 
+class Critical(AbstractMechanism):
+    """A mass on a spring, damped critically."""
+
+    coordinates: ClassVar = {"x": "m"}
+
+    def mass_matrix(self, q):
+        return {"x": 1.0}
+
+    def forces(self, t, q, v, args):
+        return {"x": -q.x - 2.0 * v.x}
+
+
 class TwoWells(Wells):
     """The same with friction on the ground."""
 

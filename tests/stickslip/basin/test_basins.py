@@ -21,6 +21,7 @@ from tests.stickslip.basin._systems import (
     BOX,
     MAGNETS,
     SHARES,
+    Critical,
     MagneticPendulum,
     OnBelt,
     TwoWells,
@@ -88,6 +89,18 @@ def test_points_of_sobol_and_grids_agree(wells):
     ends = zip(found.attractors, wells.attractors, strict=True)
     assert all(float(a.motion.y.x) == float(b.motion.y.x) for a, b in ends)
     assert abs(found.shares["fixed point 1"] - 0.5) < 3.0 * found.errors["fixed point 1"]
+
+
+def test_a_point_whose_two_directions_of_decay_are_one():
+    """At critical damping distances grow at first, and are halved twice later than the rate says."""
+    found = basins(Critical(), Critical().state(), SQUARE, Settle(100.0), points=(8, 8))
+    assert found.shares == {"fixed point 1": 1.0}
+    (point,) = found.attractors
+    assert np.allclose(point.motion.eigenvalues, -1.0, atol=1e-7)
+    # The linear motion is x = (x0 + (v0 + x0) t) e^-t: far away until then.
+    x, v, t = np.asarray(found.starts.x), np.asarray(found.starts.v_x), found.entry
+    left = np.abs(np.array([x + (v + x) * t, v - (v + x) * t])) * np.exp(-t)
+    assert np.all(np.max(left, axis=0) < 4.0 * point.radius)
 
 
 def test_too_short_a_time_settles_nothing_and_says_so(wells):
