@@ -164,7 +164,7 @@ class _Kicks:
             changes = np.isin(codes_from(*given).reshape(rows.shape[:2]), self.others)
             u, length, changes = (a[np.any(changes, axis=1)] for a in (u, length, changes))
             if not len(u):
-                break
+                return u
             at, row = np.argmax(changes, axis=1), np.arange(len(u))
             low, high = length[row, at], length[row, at + 1]
         return u[np.argsort(high)]
