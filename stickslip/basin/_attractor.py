@@ -119,6 +119,17 @@ def fixed_point_at(search: Search, t: float, y: np.ndarray, mode: int) -> Found 
     return Found(Attractor("fixed point", "fixed point", motion, mode, tube=tube), rate, wait)
 
 
+def rest_at(lanes: Lanes, y: np.ndarray, mode: int) -> Attractor | None:
+    """The rest that a state is one of, at which nothing moves; None where a deviation would grow, as on
+    top of a hill."""
+    given = lanes.system, lanes.args, lanes.unravel, 0.0, jnp.asarray(mode, lanes.mode_type)
+    slopes = np.nan_to_num(np.asarray(_rates(*given, y, np.ones(len(y)))[1]), posinf=0.0, neginf=0.0)
+    growth = np.linalg.eigvals(slopes)
+    if np.any(growth.real > ENGINE.zero * np.max(np.abs(growth), initial=0.0)):
+        return None
+    return Attractor("rest", "rest", lanes.unravel(y), mode)
+
+
 def orbit_at(search: Search, t: float, y: np.ndarray, mode: int) -> Found | None:
     """The periodic orbit that the motion from `y` comes near to."""
     lanes, forcing = search.lanes, search.forcing_period

@@ -4,7 +4,7 @@ import numpy as np
 
 from ..progress import Progress
 from ._accuracy import ACCURACY
-from ._attractor import Attractor, Search, motions_at, successor_of, with_radius
+from ._attractor import Attractor, Search, motions_at, rest_at, successor_of, with_radius
 from ._codes import FAILED, LEFT, NOT_SETTLED, codes, known_of
 from ._lanes import Lanes, Moved
 from ._settle import Settle
@@ -89,10 +89,13 @@ class Judged:
             # Without a force of the time they stay there.
             free = self.settle.forcing_period is None
             at = at[(code == NOT_SETTLED) & self.still[at] & free]
+            rest = None
+            while at.size and rest is None:
+                rest = rest_at(self.lanes, self.y[at[0]], int(self.mode[at[0]]))
+                at = at if rest else at[1:]
+            if rest:
+                self.add(rest)
             successful = np.ones(at.shape, bool)
-            if at.size:
-                motion = self.lanes.unravel(self.y[at[0]])
-                self.add(Attractor("rest", "rest", motion, int(self.mode[at[0]])))
 
     def _look(self) -> None:
         """Ask some of the open motions for an attractor that is not known."""

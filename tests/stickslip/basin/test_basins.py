@@ -119,6 +119,17 @@ def test_motions_that_leave_and_runs_that_fail():
     assert set(found.failure.ravel()) == {"max_steps_reached"}
 
 
+def test_a_start_on_top_of_the_hill_is_not_settled(wells):
+    """Nothing moves there, and no motion comes to it."""
+    found = basins(
+        Wells(), Wells().state(), SQUARE, Settle(100.0), points=(3, 3), known=wells.attractors
+    )
+    assert found.code[1, 1] == -1
+    assert list(found.shares) == ["fixed point 1", "fixed point 2", "not settled"]
+    judge = Judge(Wells(), wells, Settle(100.0))
+    assert int(judge(x=0.0, v_x=0.0)["code"]) == -1
+
+
 @pytest.mark.parametrize(
     ("friction", "count"),
     # Friction holds where the force of the wells is less: in one interval if it holds everywhere
