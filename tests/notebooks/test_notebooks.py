@@ -21,6 +21,7 @@ SLOW = {
     "own_law",
     "periodic_orbits",
     "own_mechanism",
+    "squeal",
     "your_printer",
 }
 
