@@ -92,7 +92,7 @@ def continue_orbit(
     system and none for later ones. Of a `GR` point `words` name the sliding bifurcation.
     It is the last orbit of the sequence that the branch came with, or of the other where this has
     fewer impacts. Where that orbit has a stick which vanishes, it is lost in rounding before it has no
-    length: such points are known to some 1e-8 of the bounds' distance, others to 1e-9 or better.
+    length: such points are known to some 1e-7 of the bounds' distance, others to 1e-9 or better.
 
     Places that are free are those of the first orbit all along (`PeriodicOrbit.neutral`).
 
