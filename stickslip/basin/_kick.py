@@ -42,7 +42,7 @@ class Kick(NamedTuple):
 def smallest_kick(
     system: Given[AbstractHybridSystem],
     found: Given[Basins],
-    y: PyTree,
+    y0: PyTree,
     by: Given[Mapping[str, float]],
     settle: Given[Settle],
     *,
@@ -64,7 +64,7 @@ def smallest_kick(
     **Arguments**
 
     - `system`, `args`, `integrator`, `settle`: those of the map `found`.
-    - `y`: a state, such as `found.attractors[0].motion.y`.
+    - `y0`: the state that is kicked, such as `found.attractors[0].motion.y`.
     - `by`: the components that the kick changes, all in the box of the map, to the change of each
       that counts as 1: `{"v_x": 1.0}`, or `{"x": 0.1, "v_x": 1.0}`.
 
@@ -72,7 +72,7 @@ def smallest_kick(
     part of another basin that lies between those is not seen. It is as exact as the border is known:
     where slow motions beside it are not settled, `settle` decides. It runs outside `jit`.
 
-    **Errors** `ValueError`/`TypeError` naming the argument; `ValueError` where the motion from `y`
+    **Errors** `ValueError`/`TypeError` naming the argument; `ValueError` where the motion from `y0`
     itself is not settled, and where no kick within the box changes it.
 
     ??? cite "Reference"
@@ -84,18 +84,19 @@ def smallest_kick(
     check_type("settle", settle, Settle, "a Settle(duration)")
     if integrator is not None:
         check_type("integrator", integrator, Integrator, "an Integrator or None")
-    y, box = check_start(system, y, found.box, settle, args)
+    y0, box = check_start(system, y0, found.box, settle, args)
+    start, components = flat(y0), numbers_of(y0)
     sizes = check_mapping("by", by, "a mapping from components to the change that counts as 1")
     for name, size in sizes.items():
         one_concrete(f"by[{name!r}]", size, "positive")
     if not sizes or not set(sizes) <= set(box):
         raise refusal("by", list(sizes), f"some of the components of the box: {', '.join(box)}")
-    lanes = Lanes(system, args, integrator, y)
-    attractors = Judged(lanes, settle, flat(y)[None], turns(system, y), found.attractors).attractors
-    own = int(codes_from(lanes, settle, attractors, flat(y)[None])[0])
+    lanes = Lanes(system, args, integrator, y0)
+    attractors = Judged(lanes, settle, start[None], turns(system, y0), found.attractors).attractors
+    own = int(codes_from(lanes, settle, attractors, start[None])[0])
     if own < 0:
-        raise refusal("y", y, "a state from which the motion comes to an attractor of the map")
-    kicks = _Kicks(lanes, settle, attractors, own, flat(y), numbers_of(y), sizes, box)
+        raise refusal("y0", y0, "a state from which the motion comes to an attractor of the map")
+    kicks = _Kicks(lanes, settle, attractors, own, start, components, sizes, box)
     ways = kicks.by_distance()
     if not len(ways):
         allowed = "components by which a kick within the box changes the motion"
@@ -105,11 +106,11 @@ def smallest_kick(
         few = {"ftol": ENGINE.slack, "maxls": ACCURACY.few, "maxiter": ACCURACY.few}
         u = scipy.optimize.minimize(kicks.distance, u, jac=True, method="L-BFGS-B", options=few).x
     border = kicks.border_along(u / np.linalg.norm(u))
-    change = border.y - flat(y)
+    change = border.y - start
     names = [attractor.name for attractor in attractors]
     return Kick(
         float(border.distance),
-        {name: float(change[numbers_of(y).index(name)]) for name in sizes},
+        {name: float(change[components.index(name)]) for name in sizes},
         lanes.unravel(border.y),
         OTHERS[LEFT] if border.beyond == LEFT else names[border.beyond],
     )

@@ -53,9 +53,7 @@ TARGETS = [
     ),
     Target(basin.Judge.grid, {"points": POINTS}, JUDGE.grid),
     Target(basin.Judge.spread, {"points": arg(4, "positive")}, JUDGE.spread),
-    Target(
-        basin.Judge.__call__, {"place": arg({"x": 0.5, "v": 0.5})}, lambda place: JUDGE(**place)
-    ),
+    Target(basin.Judge.__call__, {"place": arg(0.5, "finite", "float32")}, lambda place: JUDGE(x=place, v=0.5)),
     Target(
         basin.border_motion,
         {
@@ -66,7 +64,7 @@ TARGETS = [
     Target(
         basin.smallest_kick,
         {
-            "system": SYSTEM, "found": arg(FOUND), "y": STATE, "by": arg({"v": 1.0}),
+            "system": SYSTEM, "found": arg(FOUND), "y0": STATE, "by": arg({"v": 1.0}),
             "settle": SETTLE, "integrator": INTEGRATOR, "args": ARGS,
         },
     ),
