@@ -53,7 +53,10 @@ TARGETS = [
     ),
     Target(basin.Judge.grid, {"points": POINTS}, JUDGE.grid),
     Target(basin.Judge.spread, {"points": arg(4, "positive")}, JUDGE.spread),
-    Target(basin.Judge.__call__, {"place": arg(0.5, "finite", "float32")}, lambda place: JUDGE(x=place, v=0.5)),
+    Target(
+        basin.Judge.__call__, {"place": arg(0.5, "finite", "float32")},
+        lambda place: JUDGE(x=place, v=0.5),
+    ),
     Target(
         basin.border_motion,
         {
