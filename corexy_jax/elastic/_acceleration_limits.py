@@ -92,9 +92,8 @@ def _limits(p, belts, shaper, along, x, y, tolerance, holding, torque) -> tuple:
     left, peak = jnp.ones(4), 1.0 + 1.0 / root
     if shaper is not None:
         left, peak = shaper.residual(omega, damping), shaper.peak(omega, damping)
-    signs = 1.0 - 2.0 * (
-        np.arange(16) >> np.arange(4)[:, None] & 1
-    )  # of all phases that modes may have
+    # Of all phases that modes may have.
+    signs = 1.0 - 2.0 * (np.arange(16) >> np.arange(4)[:, None] & 1)
     swings = (behind[:2] * (left / root)[None]) @ signs
     pull = -jnp.stack(belts.stiffness(x, y))[:, None] * (jnp.asarray(STRETCH) @ behind)
     slides = zip(kinetic_limits(p)[:6], sliding_speeds(Line(*rigid))[:6], strict=True)

@@ -122,7 +122,8 @@ def fixed_point_at(search: Search, t: float, y: np.ndarray, mode: int) -> Found 
 def rest_at(lanes: Lanes, y: np.ndarray, mode: int) -> Attractor | None:
     """The rest that a state is one of, at which nothing moves; None where a deviation would grow, as on
     top of a hill."""
-    given = lanes.system, lanes.args, lanes.unravel, 0.0, jnp.asarray(mode, lanes.mode_type)
+    mode_number = jnp.asarray(mode, lanes.mode_type)
+    given = lanes.system, lanes.args, lanes.unravel, jnp.zeros(()), mode_number
     slopes = np.nan_to_num(np.asarray(_rates(*given, y, np.ones(len(y)))[1]), posinf=0.0, neginf=0.0)
     growth = np.linalg.eigvals(slopes)
     if np.any(growth.real > ENGINE.zero * np.max(np.abs(growth), initial=0.0)):

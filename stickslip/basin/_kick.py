@@ -8,13 +8,12 @@ import jax.numpy as jnp
 import numpy as np
 import scipy.optimize
 import scipy.stats
-from jax.flatten_util import ravel_pytree
 from jaxtyping import PyTree
 
 from .._jit_by_code import jit_by_code
 from .._types import Given
 from .._validation import check_mapping, check_type, one_concrete, refusal
-from ..hybrid import AbstractHybridSystem, Integrator, SaveAt, simulate
+from ..hybrid import AbstractHybridSystem, Integrator
 from ..hybrid.accuracy import ACCURACY as ENGINE
 from ..hybrid.components import numbers_of
 from ._accuracy import ACCURACY
@@ -22,7 +21,7 @@ from ._basins import Basins, check_start, turns
 from ._border import border_between
 from ._codes import LEFT, OTHERS
 from ._judged import Judged, codes_from
-from ._lanes import Lanes, flat
+from ._lanes import Lanes, flat, motion_of
 from ._settle import Settle
 
 
@@ -209,11 +208,5 @@ class _Kicks:
 
 @jit_by_code
 def _growth(system, args, integrator, unravel, t, y):
-    def end(y):
-        found = simulate(
-            system, 0.0, t, unravel(y), None, args, integrator=integrator,
-            saveat=SaveAt(max_events=None), throw=False,
-        )  # fmt: skip
-        return ravel_pytree(found.y1)[0]
-
-    return jax.jacfwd(end)(y)
+    begin, mode = jnp.zeros(()), jnp.asarray(-1)
+    return jax.jacfwd(lambda y: motion_of(system, args, integrator, unravel, begin, t, y, mode).y)(y)

@@ -45,19 +45,9 @@ class Lanes:
         self.program = map_lanes(self.run)
 
     def run(self, numbers, t0, t1, y, mode):
-        """One motion from `t0` to `t1` [s]; a mode below zero is the system's own."""
+        """`motion_of` by the numbers of a system."""
         system, args = eqx.combine(numbers, self.rest)
-        state = self.unravel(y)
-        own = jnp.asarray(system.initial_mode(t0, state, args), self.mode_type)
-        found = simulate(
-            system, t0, t1, state, jnp.where(mode < 0, own, mode.astype(self.mode_type)), args,
-            integrator=self.integrator, saveat=SaveAt(max_events=None), throw=False,
-        )  # fmt: skip
-        still = [jnp.all(leaf == 0.0) for leaf in jax.tree.leaves(found.dy1)]
-        return Moved(
-            found.t1, ravel_pytree(found.y1)[0], found.mode1, jnp.all(jnp.stack(still)),
-            found.successful, found.result,
-        )  # fmt: skip
+        return motion_of(system, args, self.integrator, self.unravel, t0, t1, y, mode)
 
     def __call__(self, t0: Any, t1: Any, y: Any, mode: Any) -> Moved:
         """Motions from `t0` to `t1` [s], one time for all or one for each lane."""
@@ -77,6 +67,21 @@ class Lanes:
             kept = min(count - begin, ACCURACY.block)
             found.append(Moved(*(np.asarray(a)[:kept] for a in block)))
         return Moved(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
+
+
+def motion_of(system: Any, args: Any, integrator: Any, unravel: Any, t0, t1, y, mode) -> Moved:
+    """One motion from `t0` to `t1` [s]; a mode below zero is the system's own."""
+    state, kind = unravel(y), mode_type(system)
+    own = jnp.asarray(system.initial_mode(t0, state, args), kind)
+    found = simulate(
+        system, t0, t1, state, jnp.where(mode < 0, own, mode.astype(kind)), args,
+        integrator=integrator, saveat=SaveAt(max_events=None), throw=False,
+    )  # fmt: skip
+    still = [jnp.all(leaf == 0.0) for leaf in jax.tree.leaves(found.dy1)]
+    return Moved(
+        found.t1, ravel_pytree(found.y1)[0], found.mode1, jnp.all(jnp.stack(still)),
+        found.successful, found.result,
+    )  # fmt: skip
 
 
 def flat(y: PyTree) -> np.ndarray:

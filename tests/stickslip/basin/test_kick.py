@@ -41,6 +41,16 @@ def test_a_kick_of_the_speed_alone(wells):
 
 
 @pytest.mark.more
+def test_a_further_kick_compiles_nothing(wells, compiled):
+    by = {"x": 1.0, "v_x": 1.0}
+    first = smallest_kick(Wells(), wells, Wells().state(x=1.0), by, Settle(100.0))
+    compiled.clear()
+    again = smallest_kick(Wells(), wells, Wells().state(x=-1.0), by, Settle(100.0))
+    assert compiled == []
+    assert abs(again.size / first.size - 1.0) < 1e-9  # the mirror image
+
+
+@pytest.mark.more
 def test_friction_is_kicked_over_its_unstable_cycle():
     system = OnBelt()
     found = basins(system, system.state(), BOX, Settle(300.0), points=(8, 8))
