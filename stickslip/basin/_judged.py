@@ -136,6 +136,7 @@ class Judged:
 def codes_from(lanes: Lanes, settle: Settle, attractors: list[Attractor], y: np.ndarray) -> np.ndarray:
     """Codes of motions from flat states by the attractors that are known."""
     motions = Judged(lanes, settle, y, np.full(lanes.size, np.inf))
-    motions.attractors = attractors
+    motions.attractors = attractors  # a rest that is new is one of them from now on
+    motions.named = [attractor.name for attractor in attractors]
     motions.follow(finds=False)
     return motions.code

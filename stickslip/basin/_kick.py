@@ -130,7 +130,8 @@ class _Kicks:
     def __init__(self, lanes, settle, attractors, own, start, names, sizes, box):
         self.lanes, self.settle, self.attractors = lanes, settle, attractors
         self.own, self.start = own, start
-        self.others = [LEFT, *(k for k in range(len(attractors)) if k != own)]
+        # Rests that are found on the way too.
+        self.others = [LEFT, *(k for k in range(len(attractors) + ACCURACY.many) if k != own)]
         self.places = [names.index(name) for name in sizes]
         self.size = np.array([float(size) for size in sizes.values()])
         self.box = np.array([box[name] for name in sizes])
