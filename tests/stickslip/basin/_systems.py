@@ -129,6 +129,26 @@ def nearest(curves: list, place: np.ndarray, sizes: np.ndarray) -> float:
     return min(found)
 
 
+def rest_after(x: float, v: float, damping: float, friction: float) -> float:
+    """Where a mass between two wells with friction rests that is pushed at a place: slip by slip."""
+    y = [x, v]
+    while True:
+        sense = np.sign(y[1])
+
+        def field(t, y, sense=sense):
+            return [y[1], y[0] - y[0] ** 3 - damping * y[1] - friction * sense]
+
+        def stops(t, y):
+            return y[1]
+
+        stops.terminal, stops.direction = True, -sense
+        slip = solve_ivp(field, (0.0, 500.0), y, rtol=1e-12, atol=1e-13, events=stops)
+        x = float(slip.y[0, -1])
+        if abs(x - x**3) <= friction:
+            return x
+        y = [x, np.sign(x - x**3) * 1e-12]
+
+
 class MagneticPendulum(AbstractMechanism):
     """A pendulum above three magnets on a circle, one of them on the axis of x."""
 

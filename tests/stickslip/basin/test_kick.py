@@ -4,7 +4,16 @@ import numpy as np
 import pytest
 
 from stickslip.basin import Settle, basins, smallest_kick
-from tests.stickslip.basin._systems import BOX, OnBelt, Wells, nearest, saddle_border, sliding_border
+from tests.stickslip.basin._systems import (
+    BOX,
+    OnBelt,
+    TwoWells,
+    Wells,
+    nearest,
+    rest_after,
+    saddle_border,
+    sliding_border,
+)
 
 SQUARE = {"x": (-2.0, 2.0), "v_x": (-2.0, 2.0)}
 
@@ -60,6 +69,25 @@ def test_friction_is_kicked_over_its_unstable_cycle():
     away = np.linalg.norm(border - np.array([place.x, place.v_x], float), axis=1)
     assert abs(kick.size / np.min(away) - 1.0) < 1e-6
     assert kick.to == "orbit 1"
+
+
+@pytest.mark.more
+def test_a_kick_that_ends_in_a_rest_that_the_map_has_not_found():
+    """Friction holds on top of the hill too, in a strip that no start of a coarse map comes to."""
+    system = TwoWells(0.1, 0.05)
+    found = basins(system, system.state(), SQUARE, Settle(200.0), points=(8, 8))
+    assert [a.name for a in found.attractors] == ["rest 1", "rest 2"]
+    rest = found.attractors[0].motion
+    kick = smallest_kick(system, found, rest, {"v_x": 1.0}, Settle(200.0))
+    assert kick.to == "rest 3"
+    x, way = float(rest.x), np.sign(kick.change["v_x"])
+    for size, stays in ((1.0 - 1e-10, True), (1.0 + 1e-10, False)):
+        end = rest_after(x, way * size * kick.size, 0.1, 0.05)
+        assert (abs(end - x) < 0.5) == stays
+        assert stays or abs(end) < 0.1
+    for size in np.linspace(0.05, 0.99, 20):  # nor by any less, either way
+        ends = [rest_after(x, sign * size * kick.size, 0.1, 0.05) for sign in (1.0, -1.0)]
+        assert all(abs(end - x) < 0.5 for end in ends)
 
 
 def test_kicks_that_change_nothing_and_wrong_arguments(wells):
