@@ -28,11 +28,14 @@ from ._settle import Settle
 class Kick(NamedTuple):
     """A change of the state that leads to the border of its basin.
 
-    - `size`: its length, in the sizes of `by`; `change`: what is added to the state, by component.
-    - `y`: the state on the border. `to`: the attractor on the other side, or `"left the limits"`.
+    - `size`: its length, in the sizes of `by`, and `error`: half of the width in which the border is
+      enclosed: where slow motions beside it are not settled, `settle` decides.
+    - `change`: the kick, by component. `y`: the last state inside of the border. `to`: the attractor on
+      the other side, or `"left the limits"`.
     """
 
     size: float
+    error: float
     change: dict[str, float]
     y: PyTree
     to: str
@@ -68,8 +71,7 @@ def smallest_kick(
       that counts as 1: `{"v_x": 1.0}`, or `{"x": 0.1, "v_x": 1.0}`.
 
     **Returns** the smallest `Kick` within the box, from the best of 1,024 that are spread over it: a
-    part of another basin that lies between those is not seen. It is as exact as the border is known:
-    where slow motions beside it are not settled, `settle` decides. It runs outside `jit`.
+    part of another basin that lies between those is not seen. It runs outside `jit`.
 
     **Errors** `ValueError`/`TypeError` naming the argument; `ValueError` where the motion from `y0`
     itself is not settled, and where no kick within the box changes it.
@@ -109,6 +111,7 @@ def smallest_kick(
     names = [attractor.name for attractor in attractors]
     return Kick(
         float(border.distance),
+        float(border.error),
         {name: float(change[components.index(name)]) for name in sizes},
         lanes.unravel(border.y),
         OTHERS[LEFT] if border.beyond == LEFT else names[border.beyond],
@@ -119,6 +122,7 @@ class _Border(NamedTuple):
     """Where the border is along a direction: the state just inside, and the code beyond it."""
 
     distance: float
+    error: float
     y: np.ndarray
     outside: np.ndarray
     beyond: int
@@ -178,7 +182,7 @@ class _Kicks:
         low, high, code = border_between(*given, self.own, self.others)
         inside, outside = (self.start + self.change(part * room * u) for part in (low, high))
         distance = 0.5 * (low + high) * room if code != self.own else np.inf
-        return _Border(distance, inside, outside, code)
+        return _Border(distance, 0.5 * (high - low) * room, inside, outside, code)
 
     def distance(self, u: np.ndarray) -> tuple[float, np.ndarray]:
         """Distance of the border along a direction of any length, and its slope."""
