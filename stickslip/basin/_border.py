@@ -1,6 +1,6 @@
 """The border between two basins: the unstable motion on it; the share of a box inside an orbit."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import jax
 import numpy as np
@@ -73,7 +73,9 @@ def border_motion(
     if not set(between) <= set(names):
         raise refusal("found", between, f"of the same system, whose attractors are {', '.join(names)}")
     first, second = (names.index(name) for name in between)
-    low, high, _ = border_between(lanes, settle, attractors, (one, other), first, [second])
+    low, high, _ = border_between(
+        lanes, settle, attractors, (one, other), first, lambda code: code == second
+    )
     motion = _on_border(lanes, settle, one + 0.5 * (low + high) * (other - one), turn)
     if motion is None:
         allowed = "two attractors between whose basins there is an unstable fixed point or orbit"
@@ -83,10 +85,10 @@ def border_motion(
 
 def border_between(
     lanes: Lanes, settle: Settle, attractors: list[Attractor], ends: tuple[np.ndarray, np.ndarray],
-    own: int, others: list[int],
+    own: int, is_other: Callable[[np.ndarray], np.ndarray],
 ) -> tuple[float, float, int]:  # fmt: skip
     """The way between two states where the code `own` ends, as narrowly as numbers allow: the parts
-    beside the border, and the code beyond it, one of `others`."""
+    beside the border, and the code beyond it, for which `is_other`."""
     one, other = ends
     low, high, after = 0.0, 1.0, own
     while True:
@@ -94,7 +96,7 @@ def border_between(
         code = codes_from(lanes, settle, attractors, one + part[:, None] * (other - one))
         # The last that comes to the first attractor before any that does not, the first to another.
         at = int(np.argmax(code != own)) - 1
-        is_beyond = np.isin(code[at + 1 :], others)
+        is_beyond = is_other(code[at + 1 :])
         beyond = at + 1 + int(np.argmax(is_beyond))
         known = at >= 0 and np.any(is_beyond) and beyond - at <= ACCURACY.block // 2
         if not known or (part[at], part[beyond]) == (low, high):

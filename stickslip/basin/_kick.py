@@ -19,7 +19,7 @@ from ..hybrid.components import numbers_of
 from ._accuracy import ACCURACY
 from ._basins import Basins, check_start, turns
 from ._border import border_between
-from ._codes import LEFT, OTHERS
+from ._codes import FAILED, LEFT, NOT_SETTLED, OTHERS
 from ._judged import Judged, codes_from
 from ._lanes import Lanes, flat, motion_of
 from ._settle import Settle
@@ -134,8 +134,6 @@ class _Kicks:
     def __init__(self, lanes, settle, attractors, own, start, names, sizes, box):
         self.lanes, self.settle, self.attractors = lanes, settle, attractors
         self.own, self.start = own, start
-        # Rests that are found on the way too.
-        self.others = [LEFT, *(k for k in range(len(attractors) + ACCURACY.many) if k != own)]
         self.places = [names.index(name) for name in sizes]
         self.size = np.array([float(size) for size in sizes.values()])
         self.box = np.array([box[name] for name in sizes])
@@ -145,6 +143,10 @@ class _Kicks:
         rows = np.zeros((*u.shape[:-1], len(self.start)))
         rows[..., self.places] = u * self.size
         return rows
+
+    def elsewhere(self, code: np.ndarray) -> np.ndarray:
+        """Which motions come to something else, a rest that is found on the way among it."""
+        return (code != self.own) & (code != NOT_SETTLED) & (code != FAILED)
 
     def room(self, u: np.ndarray) -> np.ndarray:
         """Distances along directions to the end of the box."""
@@ -166,7 +168,7 @@ class _Kicks:
             length = low[:, None] + (high - low)[:, None] * part
             rows = self.start + self.change(length[:, 1:, None] * u[:, None, :])
             given = self.lanes, self.settle, self.attractors, rows.reshape(-1, rows.shape[-1])
-            changes = np.isin(codes_from(*given).reshape(rows.shape[:2]), self.others)
+            changes = self.elsewhere(codes_from(*given).reshape(rows.shape[:2]))
             u, length, changes = (a[np.any(changes, axis=1)] for a in (u, length, changes))
             if not len(u):
                 return u
@@ -179,7 +181,7 @@ class _Kicks:
         room = float(self.room(u[None])[0])
         end = self.start + self.change(room * u)
         given = self.lanes, self.settle, self.attractors, (self.start, end)
-        low, high, code = border_between(*given, self.own, self.others)
+        low, high, code = border_between(*given, self.own, self.elsewhere)
         inside, outside = (self.start + self.change(part * room * u) for part in (low, high))
         distance = 0.5 * (low + high) * room if code != self.own else np.inf
         return _Border(distance, 0.5 * (high - low) * room, inside, outside, code)
