@@ -44,7 +44,8 @@ QUICK = os.environ.get("NOTEBOOK_QUICK", "0") not in ("", "0")
 # - `set_valued_limit()` is the law that a smooth one approximates; a set-valued law is its own.
 #
 # A speed comes as a number or as a row of numbers, and the coefficient has the same shape.
-# `jnp.vectorize` makes a function of one number such a function of either.
+# `jnp.vectorize` makes a function of one number such a function of either. `check_friction_law(law)`
+# says what a law of your own does not keep, such as a static friction below the kinetic one.
 
 
 # %%
@@ -182,8 +183,12 @@ assert QUICK or misfits[-1] < 1.5
 assert QUICK or off.max() < 0.05
 
 # %% [markdown]
-# Beyond the fastest speed of the record the network says what it likes. To see how sure it is, learn
-# it from several records, or from several starts.
+# Beyond the fastest speed of the record the network says what it likes. A misfit that stays above 1 is
+# a training that has stalled, not noise: the misfit has jumps where an event more begins, and the law
+# is then wrong most beside rest, where speeds pass quickly. What helps, in this order: let the network
+# see numbers of the size of one (the factor 10 above is 1 over the fastest expected speed), another
+# size of the steps (3e-2 to 1e-1), more of them, other weights to begin with. To see how sure the law
+# is, learn it from several records, or from several starts.
 #
 # A law that depends on more than the speed is built where the rest is known: `contacts` of the
 # mechanism has time, coordinates and velocities, and may give the law a temperature, or another normal

@@ -13,6 +13,7 @@ from ._machine import Machine
 
 GOOD = 1.5  # reduced chi squared of a fit that needs no other start
 FAR = 10.0  # above it the model does not describe the log
+MISREAD = 1e3  # above it no noise explains it
 SURE = 1.96  # standard errors of an interval of 95%
 # The virtual pulleys turn by (x + y)/r and (x - y)/r: with the one at rest, the other belt runs.
 WHICH = (
@@ -96,12 +97,14 @@ def _option(noise: Mapping[str, float]) -> str:
 
 def _void(chi_squared: float, noise: Mapping[str, float]) -> str:
     """The one thing to say of a fit that does not describe the log."""
+    # Nobody's sensors are off by so much more than is thought.
+    option = f" If your sensors are as noisy as that, say so by {_option(noise)}."
     return (
         f"VOID: the residuals are {math.sqrt(chi_squared):.3g} times the noise that was assumed "
         f"(reduced chi squared {chi_squared:.3g}), so the machine computed is not the one measured, "
         "and nothing is said about the belts. Look at the picture; check units and signs "
         "(--set units=...), and that --set machine=FILE is your machine; take more --set starts=, or "
-        f"gentler voltages. If your sensors are as noisy as that, say so by {_option(noise)}."
+        "gentler voltages." + option * (chi_squared < MISREAD)
     )
 
 
@@ -126,6 +129,21 @@ def _trust(chi_squared: float, noise: Mapping[str, float]) -> str:
     )
 
 
+def score_told(chi_squared: float) -> str:
+    """What the worst chi squared of a signal of a further log says of the machine that was fitted."""
+    if chi_squared <= GOOD:
+        return "The machine that was fitted explains this log as well as its noise allows."
+    return (
+        f"The machine that was fitted is off this log by up to {math.sqrt(chi_squared):.3g} times the "
+        "noise that was assumed: it is not the same machine, or this log is noisier."
+    )
+
+
+def lines_of(said: str) -> list[str]:
+    """The sentences as lines that stand beneath the sketch."""
+    return [line for text in said.split("\n") for line in textwrap.wrap(text, 62)]
+
+
 def sketch(axis: Axes, tensions: Mapping[str, float], said: str) -> None:
     """The machine from above with the tension at each motor, and the sentences beneath it."""
     machine = Machine(axis, 1.0, 0.8)
@@ -136,8 +154,7 @@ def sketch(axis: Axes, tensions: Mapping[str, float], said: str) -> None:
         )
     axis.annotate("x", (0.2, 0.05), (0.45, 0.05), arrowprops={"arrowstyle": "<-"}, va="center")
     axis.annotate("y", (0.2, 0.05), (0.2, 0.27), arrowprops={"arrowstyle": "<-"}, ha="center")
-    lines = [line for text in said.split("\n") for line in textwrap.wrap(text, 62)]
     axis.annotate(
-        "\n".join(lines), (0.0, 0.0), (0.0, -48.0), xycoords="axes fraction", fontsize=7, va="top",
-        textcoords="offset points",
+        "\n".join(lines_of(said)), (0.0, 0.0), (0.0, -48.0), xycoords="axes fraction", fontsize=7,
+        va="top", textcoords="offset points",
     )  # fmt: skip

@@ -1,6 +1,7 @@
 """Friction and tensions of a user's own machine, from its log."""
 
 import pathlib
+import warnings
 from typing import Any
 
 import matplotlib.pyplot as plt
@@ -15,8 +16,8 @@ from stickslip.identification import Fit, Observed, Problem, Record, Unknown, pr
 from .._data import listed
 from .._experiment import Context, Experiment
 from .._starts import Start, starts_told
-from ._advice import GOOD, advice, sketch
-from ._log import KIND, Log, machine_told, pairs, read_log, read_machine, write_template
+from ._advice import FAR, GOOD, SURE, advice, lines_of, score_told, sketch
+from ._log import KIND, Log, machine_told, pairs, read_log, read_machine, write_machine, write_template
 
 SENSOR_NOISE = {"place": 1e-4, "angle": 1e-3, "speed": 0.05}
 UNIT = {"place": "m", "angle": "rad", "speed": "rad/s"}
@@ -89,10 +90,13 @@ def best_fit(
     rows = parameters["spread"] ** rng.uniform(-1.0, 1.0, (parameters["starts"], own.size))
     rows[0] = 1.0
     found: list[Fit] = []
-    for row in rows:
-        found.append(task.fit(start=dict(zip(names, own * row, strict=True))))
-        if float(found[-1].reduced_chi_squared) < GOOD:
-            break
+    with warnings.catch_warnings():
+        # Of a start that leads nowhere; what is said of the best one is in its advice.
+        warnings.simplefilter("ignore", UserWarning)
+        for row in rows:
+            found.append(task.fit(start=dict(zip(names, own * row, strict=True))))
+            if float(found[-1].reduced_chi_squared) < GOOD:
+                break
     return min(found, key=lambda fit: float(fit.cost))
 
 
@@ -119,21 +123,32 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
     tensions = {name: float(getattr(final, name)) for name in ("P1", "P2")}
     off = {name: row - np.asarray(seen.observed[name]) for name, row in log.measured.items()}
     rms = {name: float(np.sqrt(np.mean(row**2))) for name, row in off.items()}
-    first = [machine_told(parameters["machine"]), *filter(None, [log.missing])]
+    first = [
+        f"The log: {log.times.size:,} rows over {log.times[-1]:.4g} s.",
+        machine_told(parameters["machine"]), *filter(None, [log.missing]),
+    ]  # fmt: skip
     said = "\n".join([*first, *advice(fit, intervals, tensions, rms)])
     print(f"\n{said}")
+    chi_squared = float(fit.reduced_chi_squared)
+    if chi_squared <= FAR:
+        beside = context.stores.parent / f"{context.data.stem}-machine-fitted.json"
+        write_machine(final, beside)
+        print(f"The machine with these values: {beside}, for --set machine= of the other commands.")
     for name in listed("scored", parameters["scored"]):
         path = pathlib.Path(name) if pathlib.Path(name).exists() else context.data.parent / name
         other = read_log(
             path, parameters["columns"], parameters["units"], parameters["counts_per_turn"]
         )
         further = problem_of(other, machine, names, noise, parameters["tolerance"])
-        print(f"\n{name}, to which nothing was fitted, {START}\n{further.score(fit)}")
-    errors = fit.standard_errors()
+        score = further.score(fit)
+        print(f"\n{name}, to which nothing was fitted, {START}\n{score}")
+        print(score_told(max(float(np.max(row)) for row in score.chi_squared.values())))
+    errors, trusted = fit.standard_errors(), fit.standard_errors(robust=chi_squared > GOOD)
     units = {name: {"units": UNIT[KIND[name]]} for name in log.measured}
     data: dict[str, Any] = {
         "estimate": ("unknown", [float(fit.values[n]) for n in names]),
         "standard_error": ("unknown", [float(errors[n]) for n in names]),
+        "half": ("unknown", [SURE * float(trusted[n]) for n in names]),
         "start": ("unknown", [float(getattr(machine, n)) for n in names]),
     }
     for name, row in log.measured.items():
@@ -147,19 +162,23 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
         data, {"unknown": list(names), "time": ("time", log.times, {"units": "s"})},
         {
             "report": str(told), "advice": said, "starts": starts, **tensions,
-            "successful": int(bool(fit.successful)), "chi_squared": float(fit.reduced_chi_squared),
+            "unknown_units": ",".join(fit.units[n] or "" for n in names),
+            "successful": int(bool(fit.successful)), "chi_squared": chi_squared,
         },
     )  # fmt: skip
 
 
 def draw(data: xr.Dataset) -> Figure:
     names = [str(k).removesuffix("_measured") for k in data if str(k).endswith("_measured")]
-    figure = plt.figure(figsize=(11.0, max(5.4, 1.9 * len(names))))
+    # A sketch of 2.8 inches, and beneath it lines of text at 7 points.
+    height = max(5.4, 1.9 * len(names), 3.4 + 0.12 * len(lines_of(data.attrs["advice"])))
+    figure = plt.figure(figsize=(11.0, height))
+    right = figure.add_gridspec(2, 2, width_ratios=(1.7, 1.0), height_ratios=(2.8, height - 2.8))
     grid = figure.add_gridspec(len(names), 2, width_ratios=(1.7, 1.0))
     axes = [figure.add_subplot(grid[0, 0])]
     axes += [figure.add_subplot(grid[i, 0], sharex=axes[0]) for i in range(1, len(names))]
     tensions = {name: float(data.attrs[name]) for name in ("P1", "P2")}
-    sketch(figure.add_subplot(grid[:, 1]), tensions, data.attrs["advice"])
+    sketch(figure.add_subplot(right[0, 1]), tensions, data.attrs["advice"])
     for axis, name in zip(axes, names, strict=True):
         measured, computed = data[f"{name}_measured"], data[f"{name}_computed"]
         axis.plot(data.time, measured, ".", ms=2.5, color="0.55", label="measured")
@@ -168,10 +187,16 @@ def draw(data: xr.Dataset) -> Figure:
     axes[-1].set_xlabel("time [s]")
     axes[0].legend(frameon=False, fontsize=8)
     values = [
-        f"{n} = {float(v):.4g} ± {float(e):.2g}"
-        for n, v, e in zip(data.unknown.values, data.estimate, data.standard_error, strict=True)
+        f"{n} = {float(v):.6g} ± {float(e):.2g} {unit}"
+        for n, v, e, unit in zip(
+            data.unknown.values,
+            data.estimate,
+            data.half,
+            data.attrs["unknown_units"].split(","),
+            strict=True,
+        )
     ]
-    axes[0].set_title(", ".join(values), fontsize=9)
+    axes[0].set_title(", ".join(values) + " (95%)", fontsize=9)
     return figure
 
 

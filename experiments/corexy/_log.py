@@ -58,26 +58,28 @@ def pairs(key: str, text: str, allowed: tuple[str, ...]) -> dict[str, str]:
 
 
 def read_columns(
-    path: pathlib.Path, needed: tuple[str, ...], columns: str = "", units: str = "",
+    path: pathlib.Path, needed: tuple[str, ...], columns: str | None, units: str = "",
     counts_per_turn: float = 0.0, said: str = "--data ",
 ) -> dict[str, np.ndarray]:  # fmt: skip
     """Columns of the file at `path` by name, in SI units, those of `needed` among them.
 
+    `columns`: names of others, None where the command has no key for them.
+
     Errors: `ValueError` naming the file, as the command line has `said` it, the column or the unit.
     """
-    names = dict(zip(KIND, KIND, strict=True)) | pairs("columns", columns, tuple(KIND))
+    names = dict(zip(KIND, KIND, strict=True)) | (named := pairs("columns", columns or "", tuple(KIND)))
     given = pairs("units", units, tuple(KIND))
     try:
         table = read_table(path)
     except (OSError, ValueError) as error:
         raise ValueError(f"{said}{path}: it must be a table of numbers; {error}") from None
     lost = [names[key] for key in needed if names[key] not in table]
-    asked = [key for key in pairs("columns", columns, tuple(KIND)) if names[key] not in table]
+    asked = [key for key in named if names[key] not in table]
     if lost or asked:
         wanted = ", ".join(lost or [names[key] for key in asked])
         raise ValueError(
-            f"{said}{path}: it must have the columns {wanted}; it has {', '.join(map(str, table))}. "
-            "Name others by --set columns=time=t,v1=u_1,..."
+            f"{said}{path}: it must have the columns {wanted}; it has {', '.join(map(str, table))}."
+            + (" Name others by --set columns=time=t,v1=u_1,..." if columns is not None else "")
         )
     found = {}
     for key, kind in KIND.items():
@@ -225,7 +227,11 @@ def write_template(path: pathlib.Path) -> list[pathlib.Path]:
     beside = path.with_name(f"{path.stem}-machine.json")
     path.parent.mkdir(parents=True, exist_ok=True)
     pd.DataFrame(table).to_csv(path, index=False)
-    values = {name: float(getattr(machine, name)) for name in PARAMETERS}
-    values |= {"P1": 30.0, "P2": 20.0}
-    beside.write_text(json.dumps(values, indent=1) + "\n", encoding="utf-8")
+    write_machine(cx.with_values(machine, {"P1": 30.0, "P2": 20.0}), beside)
     return [path, beside]
+
+
+def write_machine(machine: cx.CoreXYParameters, path: pathlib.Path) -> None:
+    """Its parameters by name, as `read_machine` reads them."""
+    values = {name: float(getattr(machine, name)) for name in PARAMETERS}
+    path.write_text(json.dumps(values, indent=1) + "\n", encoding="utf-8")

@@ -38,6 +38,7 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
             f"--data {path}: it must have the columns x and y, or theta_1 and theta_2, or omega_1 and "
             "omega_2. Name others by --set columns=theta_1=a,theta_2=b"
         )
+    belts_by = "belt, as if it rolled" if place is None else "belt, by x and y"
     if place is None and rims is not None:
         place = 0.5 * np.stack([rims[:, 0] + rims[:, 1], rims[:, 0] - rims[:, 1]], axis=1)
     assert place is not None
@@ -55,7 +56,10 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
             "belts": (("time", "motor"), belts - belts[0], {"units": "m"}),
         },
         {"time": ("time", times, {"units": "s"}), "motor": [1, 2]},
-        {"log": path.name, "frames": frames, "per_second": parameters["per_second"]},
+        {
+            "log": path.name, "belts_by": belts_by, "frames": frames,
+            "per_second": parameters["per_second"],
+        },
     )  # fmt: skip
 
 
@@ -68,7 +72,7 @@ def _both(found: dict[str, np.ndarray], names: tuple[str, ...]) -> np.ndarray | 
 
 def _curves(data: xr.Dataset, axis: Axes, k: int) -> None:
     axis.plot(data.time, data.rims[:, k], color=BELTS[k], lw=1.2, label="rim of the motor")
-    axis.plot(data.time, data.belts[:, k], "k--", lw=0.9, label="belt, by x and y")
+    axis.plot(data.time, data.belts[:, k], "k--", lw=0.9, label=data.attrs["belts_by"])
     axis.set_ylabel(f"way of motor {k + 1} [m]")
 
 

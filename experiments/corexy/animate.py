@@ -28,7 +28,7 @@ def read_plan(text: str) -> tuple[cx.Ramps, dict[str, Any]]:
 
     Errors: `ValueError` naming the file.
     """
-    found = read_columns(pathlib.Path(text), NEEDED, said="--set plan=")
+    found = read_columns(pathlib.Path(text), NEEDED, None, said="--set plan=")
     times, volts = found["time"], np.stack([found["v1"], found["v2"]], axis=1)
     steps = np.diff(times)
     if times.size < 2 or times[0] != 0.0 or np.any(steps < 0.0) or not times[-1] > 0.0:

@@ -57,6 +57,12 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
     print(machine_told(parameters["machine"], "corexy-feedforward"))
     told = cx.check_rolling(plan)
     print(f"{float(plan.end):.4f} s: {told}")
+    begin = np.asarray(plan.at(np.zeros(1)))[0]
+    elsewhere = np.hypot(*(begin - points[0])) > 1e-9
+    print(
+        f"The machine is at rest at x = {begin[0]:g} m, y = {begin[1]:g} m when the plan begins"
+        + (", not at the first point: of a closed path that corner is rounded too." * elsewhere or ".")
+    )
     voltage, end = plan.voltage, float(plan.end)
     breaks = np.asarray(voltage.times)
     breaks = breaks[(breaks > 0.0) & (breaks <= end)]

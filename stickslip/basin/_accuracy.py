@@ -18,11 +18,14 @@ class Accuracy:
     levels: int = 12
     """Radii about an attractor, each half of the one before, at which motions are looked at."""
     near: float = 0.1
-    """Part of the motions' size: an unstable motion so near to one from the border is on it."""
+    """Part of the motions' size: an unstable motion so near to one from the border is on it. Part by
+    which deviations from an attractor decay over the duration, at least."""
     same: float = 1e-6
     """The same: an attractor nearer to another one is that one."""
     block: int = 8 * many
     """Motions in one call of their program."""
+    places: int = 4 * block
+    """Of a motion that never repeats, by which it is known."""
     corners: int = 32 * block
     """Of the polygon that stands for an orbit."""
 

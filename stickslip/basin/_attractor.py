@@ -17,17 +17,17 @@ from ..continuation import Equilibrium, OrbitGuess, PeriodicOrbit, orbit_guess, 
 from ..hybrid import SaveAt, simulate
 from ..hybrid.accuracy import ACCURACY as ENGINE
 from ._accuracy import ACCURACY
-from ._lanes import Lanes, flat, rows_of
-from ._rests import rests_at
+from ._lanes import Lanes, rows_of
 from ._tube import Tube, distances, tube_of
 
 
 class Attractor(NamedTuple):
     """A motion to which others come.
 
-    - `name`: its kind and its number. `kind`: `"fixed point"`, `"orbit"`, or `"rest"`: all states of
-      one mode in which nothing moves, and that hang together.
-    - `motion`: an `Equilibrium`, a `PeriodicOrbit`, or of a rest one state of it.
+    - `name`: its kind and its number. `kind`: `"fixed point"`, `"orbit"`, `"torus"` (quasi-periodic),
+      `"chaos"`, or `"rest"`: all states of one mode in which nothing moves, and that hang together.
+    - `motion`: an `Equilibrium`, a `PeriodicOrbit`, of the next two a `LyapunovSpectrum`, of a rest one
+      state of it.
     - `mode`: number of the mode, of an orbit at its start.
     - `radius`: distance in parts of the size of the motions, within which all that were looked at come
       nearer; 0 of a rest, which a motion has come to or not. `tube`: where the distance is taken from.
@@ -41,8 +41,16 @@ class Attractor(NamedTuple):
     tube: Tube | None = None
 
     @property
+    def repeats(self) -> bool:
+        """Whether the motion comes back to where it was, so that others can come to it exactly."""
+        return self.kind not in ("torus", "chaos")
+
+    @property
     def words(self) -> str:
-        """Its name, with the period of an orbit."""
+        """Its name, with the period of an orbit, or the greatest exponent of what never repeats."""
+        if not self.repeats:
+            greatest = float(self.motion.exponents[0])
+            return f"{self.name}, exponent {greatest:+.2g} +- {float(self.motion.error[0]):.1g} 1/s"
         if self.kind != "orbit":
             return self.name
         orbit: Any = self.motion
@@ -198,13 +206,17 @@ def _deviations_in(system, args, unravel, t, y, modes, scale):
 
 
 def with_radius(search: Search, t: float, found: Found) -> Attractor | None:
-    """The attractor with the largest radius within which motions come nearer; None without.
+    """The attractor with the largest radius within which motions come nearer; None without, and where
+    deviations decay by less than a tenth over the duration.
 
     From the border of each of several balls about places of the attractor, each half as large as the
     one before, all motions looked at must be in the ball of half the radius at the end of `wait`, in
     which the slowest linear motion halves its distance twice, or of twice that time, and so on: where
     directions of decay are all but parallel, or a place becomes a speed, which has another size,
     distances grow before they fall. Deviations are those that the mode allows.
+
+    Of a motion that never repeats only a part is known, and others come no nearer to it than its gaps.
+    It has the smallest radius from within which all motions looked at come to within half of it.
     """
     lanes, tube, count = search.lanes, found.attractor.tube, ACCURACY.many
     assert tube is not None
@@ -228,30 +240,23 @@ def with_radius(search: Search, t: float, found: Found) -> Attractor | None:
     y = (start + radii[:, None, None] * ways * tube.scale).reshape(-1, len(tube.scale))
     modes, good, fine = np.tile(tube.mode[place[which]], ACCURACY.levels), True, [False]
     wait, end, last = found.wait, 0.0, whole(search.duration)
-    while not fine[-1] and end < last:
+    if np.exp(found.rate * last) > 1.0 - ACCURACY.near:
+        return None  # it is not to be told from a motion without damping
+    while not np.any(fine) and end < last:
         since, end, wait = end, min(whole(min(wait, last)), last), 2.0 * wait
         moved = lanes(t + since, t + end, y, modes)
         y, modes, good = moved.y, moved.mode, good & moved.successful
         away = np.where(good, distances([tube], y, modes)[:, 0], np.inf)
-        # A slower one is judged by what the time allows.
-        share = max(0.5, 0.5 * (1.0 + np.exp(found.rate * end)))
-        nearer = np.max(away.reshape(ACCURACY.levels, count), axis=1) <= share * radii
-        fine = np.logical_and.accumulate(nearer[::-1])[::-1]
-    if not fine[-1]:
+        farthest = np.max(away.reshape(ACCURACY.levels, count), axis=1)
+        if found.attractor.repeats:
+            # A slower one is judged by what the time allows.
+            share = max(0.5, 0.5 * (1.0 + np.exp(found.rate * end)))
+            fine = np.logical_and.accumulate((farthest <= share * radii)[::-1])[::-1]
+        else:
+            fine = np.maximum.accumulate(farthest[::-1])[::-1] <= 0.5 * radii
+    if not np.any(fine):
         return None
+    if not found.attractor.repeats:
+        return found.attractor._replace(radius=float(radii[fine][-1]))
     # Half of it: between the directions there are others.
     return found.attractor._replace(radius=0.5 * float(radii[np.argmax(fine)]))
-
-
-def successor_of(search: Search, before: Attractor) -> Attractor | None:
-    """The attractor of a system with other parameters that is the same one, if there is."""
-    if before.kind == "rest":
-        return before if rests_at(search.lanes, before.mode, flat(before.motion)) else None
-    if before.kind == "orbit":
-        found = orbit_of(search, before.motion)
-    else:
-        found = fixed_point_at(search, 0.0, flat(before.motion.y), before.mode)
-    if found is None or not found.rate < 0.0:
-        return None
-    new = with_radius(search, 0.0, found)
-    return None if new is None else new._replace(name=before.name)

@@ -1,14 +1,18 @@
 """Motions that are followed until it is known which attractor they come to."""
 
+from collections.abc import Callable, Iterator
+
 import numpy as np
 
 from ..progress import Progress
 from ._accuracy import ACCURACY
-from ._attractor import Attractor, Search, motions_at, rest_at, successor_of, with_radius
+from ._attractor import Attractor, Found, Search, motions_at, rest_at, with_radius
 from ._codes import FAILED, LEFT, NOT_SETTLED, codes, known_of
 from ._lanes import Lanes, Moved
 from ._settle import Settle
+from ._successor import successor_of
 from ._tube import distances
+from ._wandering import wanderings_at
 
 
 class Judged:
@@ -60,7 +64,9 @@ class Judged:
                 self.go_on(t)
                 # After each doubling of the time, so that it is seldom for what settles slowly.
                 if finds and (number & (number - 1) == 0 or number == len(times)):
-                    self._look()
+                    self._look(motions_at)
+                if finds and number == len(times):
+                    self._look(wanderings_at)
                 meter.advance(before - self.open.size)
                 if not self.open.size:
                     break
@@ -97,7 +103,7 @@ class Judged:
                 self.add(rest)
             successful = np.ones(at.shape, bool)
 
-    def _look(self) -> None:
+    def _look(self, motions: Callable[..., Iterator[Found]]) -> None:
         """Ask some of the open motions for an attractor that is not known."""
         asked: set[int] = set()
         # Spread over all of them by the golden section.
@@ -110,7 +116,7 @@ class Judged:
                 continue
             asked.add(i)
             search = self.search
-            for found in motions_at(search, self.t, self.y[i], int(self.mode[i])):
+            for found in motions(search, self.t, self.y[i], int(self.mode[i])):
                 if found.rate < 0.0 and self.number_of(found.attractor) is None:
                     new = with_radius(search, self.t, found)
                     if new is not None:
@@ -124,7 +130,10 @@ class Judged:
         if not tubes or found.tube is None:
             return None
         away = distances(list(tubes.values()), found.tube.start[:1], found.tube.mode[:1])[0]
-        return list(tubes)[int(np.argmin(away))] if np.min(away) <= ACCURACY.same else None
+        known = [self.attractors[k] for k in tubes]
+        reach = np.array([ACCURACY.same if one.repeats else one.radius for one in known])
+        nearest = int(np.argmin(away / reach))
+        return list(tubes)[nearest] if away[nearest] <= reach[nearest] else None
 
     def add(self, found: Attractor) -> None:
         """One more, with its number among those of its kind in its name."""

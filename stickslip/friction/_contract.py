@@ -30,7 +30,10 @@ def _form(law: AbstractFrictionLaw, v: Float[Array, " n"]) -> Iterator[str]:
             lambda law, v: (law.coefficient(v), law.drag(v)), law, v.astype(dtype)
         )
         if any(result.dtype != dtype for result in results):
-            yield f"coefficient and drag must keep {jnp.dtype(dtype).name}"
+            yield (
+                f"coefficient and drag must keep {jnp.dtype(dtype).name}, as by "
+                ".astype(jnp.result_type(v, float))"
+            )
         elif any(result.shape != v.shape for result in results):
             yield "coefficient and drag must have the shape of v"
 

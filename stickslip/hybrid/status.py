@@ -33,7 +33,7 @@ class RESULTS(dfx.RESULTS):  # pyright: ignore[reportGeneralTypeIssues]
     chattering = (
         "Events follow each other without time passing (chattering or Zeno): the mode that "
         "`transition` returns is left at once. Return a mode that is admissible right after the "
-        "event, such as sticking or resting."
+        "event, such as sticking or resting. With a friction law of your own, ask check_friction_law."
     )
     no_admissible_mode = (
         "No mode is admissible: `transition` or `initial_mode` returned -1 for this state."

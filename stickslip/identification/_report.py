@@ -128,9 +128,7 @@ class Report:
         said += [
             f"Held-out {name}: root mean square {score:.6g}." for name, score in self.held_out.items()
         ]
-        if not self.held_out:
-            said.append("No held-out data were given.")
-        return said + (self.modes or ["Modes were not compared: no runs were given."])
+        return said + self.modes
 
     def __str__(self) -> str:
         parts = [self.title, "", *columns_aligned(self.rows()), "", "Correlation of the estimates"]

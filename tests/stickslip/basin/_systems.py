@@ -2,6 +2,7 @@
 
 from typing import ClassVar
 
+import jax.numpy as jnp
 import numpy as np
 from matplotlib.path import Path
 from scipy.integrate import solve_ivp
@@ -180,3 +181,62 @@ def magnet(x: float, y: float) -> int:
 
     end = solve_ivp(field, (0.0, 200.0), [x, y, 0.0, 0.0], method="DOP853", rtol=1e-11, atol=1e-12)
     return int(np.argmin(np.sum((places - end.y[:2, -1]) ** 2, axis=1)))
+
+
+class Duffing(AbstractMechanism):
+    """The mass between two wells, pushed to and fro."""
+
+    damping: float = 0.15
+    force: float = 0.3
+    frequency: float = 1.0
+    coordinates: ClassVar = {"x": "m"}
+
+    def mass_matrix(self, q):
+        return {"x": 1.0}
+
+    def forces(self, t, q, v, args):
+        push = self.force * jnp.cos(self.frequency * t)
+        return {"x": q.x - q.x**3 - self.damping * v.x + push}
+
+
+def strobes(system: Duffing, x, v, periods: int, steps: int = 120) -> tuple[np.ndarray, float]:
+    """States after each period by Runge and Kutta's method, `[period, x or v, start]`, and the greatest
+    exponent of the first start over the second half, by the deviation that goes with it."""
+    w, d, h = system.frequency, system.damping, 2.0 * np.pi / system.frequency / steps
+
+    def field(t, z):
+        x, v, a, b = z
+        push = system.force * np.cos(w * t)
+        return np.stack([v, x - x**3 - d * v + push, b, (1.0 - 3.0 * x**2) * a - d * b])
+
+    z = np.stack([x, v, np.ones_like(x), np.zeros_like(x)])
+    rows, grown = [], []
+    for _ in range(periods):
+        for k in range(steps):
+            t = k * h
+            k1 = field(t, z)
+            k2 = field(t + h / 2, z + h / 2 * k1)
+            k3 = field(t + h / 2, z + h / 2 * k2)
+            z = z + h / 6 * (k1 + 2 * k2 + 2 * k3 + field(t + h, z + h * k3))
+        size = np.hypot(z[2], z[3])
+        z[2:] /= size
+        rows.append(z[:2].copy())
+        grown.append(np.log(size[0]))
+    return np.array(rows), float(np.mean(grown[periods // 2 :])) * w / (2.0 * np.pi)
+
+
+class TwoRotors(AbstractMechanism):
+    """Two oscillators of van der Pol's that know nothing of each other; with 0 and less, damped."""
+
+    drive: tuple[float, float] = (0.5, 0.3)
+    coordinates: ClassVar = {"x": "m", "y": "m"}
+
+    def mass_matrix(self, q):
+        return {"x": 1.0, "y": 1.0}
+
+    def forces(self, t, q, v, args):
+        a, b = self.drive
+        return {
+            "x": -q.x + a * (1.0 - q.x**2) * v.x,
+            "y": -2.3 * q.y - 0.3 * q.y**3 + b * (1.0 - q.y**2) * v.y,
+        }
