@@ -231,6 +231,6 @@ plt.show()
 # units of columns: `--set columns=time=t,v1=u_1 --set units=time=ms,theta_1=count --set
 # counts_per_turn=4000`; other unknowns: `--set unknowns=P1,P2,mu_k`; sensors as noisy as the report
 # says they are: `--set noise=theta_1=0.002,theta_2=0.002`, in their SI units; further logs that are not
-# fitted, to see whether the machine explains them: `--set scored=SECOND.csv`. The columns x and y may be
+# fitted, to see whether the machine explains them: `--set scored=SECOND.csv`. Columns x and y may be
 # missing, and rows too: only not where a voltage jumps. The machine that was found is kept beside the
 # picture, for `corexy-plan` and `animate-corexy --set plan=...` with the same `--set machine=`.

@@ -18,8 +18,9 @@ class Accuracy:
     levels: int = 12
     """Radii about an attractor, each half of the one before, at which motions are looked at."""
     near: float = 0.1
-    """Part of the motions' size: an unstable motion so near to one from the border is on it. Part by
-    which deviations from an attractor decay over the duration, at least."""
+    """Part of the motions' size: an unstable motion so near to one from the border is on it; a radius
+    about a motion that never repeats is at most that. Part by which deviations from an attractor decay
+    over the duration, at least."""
     same: float = 1e-6
     """The same: an attractor nearer to another one is that one."""
     block: int = 8 * many

@@ -254,6 +254,7 @@ def with_radius(search: Search, t: float, found: Found) -> Attractor | None:
             fine = np.logical_and.accumulate((farthest <= share * radii)[::-1])[::-1]
         else:
             fine = np.maximum.accumulate(farthest[::-1])[::-1] <= 0.5 * radii
+            fine &= radii <= ACCURACY.near
     if not np.any(fine):
         return None
     if not found.attractor.repeats:

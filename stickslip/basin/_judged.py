@@ -129,11 +129,11 @@ class Judged:
         tubes = {k: a.tube for k, a in enumerate(self.attractors) if a.tube is not None}
         if not tubes or found.tube is None:
             return None
-        away = distances(list(tubes.values()), found.tube.start[:1], found.tube.mode[:1])[0]
-        known = [self.attractors[k] for k in tubes]
-        reach = np.array([ACCURACY.same if one.repeats else one.radius for one in known])
-        nearest = int(np.argmin(away / reach))
-        return list(tubes)[nearest] if away[nearest] <= reach[nearest] else None
+        away = np.min(distances(list(tubes.values()), found.tube.start, found.tube.mode), axis=0)
+        # A motion that is within the radius of another one anywhere is that one: it comes to it.
+        radii = np.array([self.attractors[k].radius for k in tubes])
+        nearest = int(np.argmin(away / radii))
+        return list(tubes)[nearest] if away[nearest] <= radii[nearest] else None
 
     def add(self, found: Attractor) -> None:
         """One more, with its number among those of its kind in its name."""

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from stickslip.basin import Judge, Settle, basins
+from stickslip.systems import BlockOnBelt, BlockState
 
 from ._systems import Duffing, TwoRotors, strobes
 
@@ -39,15 +40,17 @@ def test_a_periodic_and_a_chaotic_motion_side_by_side():
     assert again.names[1] == "chaos 1"
 
 
+@pytest.mark.more
 def test_two_rotors_never_meet_again():
     """Exponents of a torus: two are zero, and the others those of each rotor alone."""
     system = TwoRotors()
     found = basins(
         system, system.state(x=0.5), {"v_x": (-1.0, 1.0), "y": (0.5, 1.0)}, Settle(200.0), points=64
     )
-    assert [a.words.split(",")[0] for a in found.attractors] == ["torus 1"]
+    assert [a.name for a in found.attractors] == ["torus 1"]
     assert found.shares["torus 1"] == 1.0
     torus = found.attractors[0]
+    assert torus.words.startswith("torus 1, exponent ")
     assert np.all(np.abs(torus.motion.exponents[:2]) < 0.02)
     assert np.all(torus.motion.exponents[2:] < -0.1)
 
@@ -59,3 +62,17 @@ def test_motions_without_damping_are_no_attractors():
     found = basins(system, system.state(x=0.5), box | {"x": (0.2, 1.0)}, Settle(100.0), points=32)
     assert not found.attractors
     assert found.shares == {"not settled": 1.0}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("k3", [84.0, 89.0])
+def test_a_long_way_to_an_orbit_is_no_attractor(k3):
+    """Beside the unstable orbit of the block on a belt motions wander for 100 s; there is one
+    attractor, whichever start finds it."""
+    system, y0 = BlockOnBelt.constructed(k3), BlockState(0.0, 0.0, 0.0, 0.0)
+    box = {"x": (-0.01, 0.06), "vx": (-0.3, 0.12), "y": (-0.02, 0.02), "vy": (-0.2, 0.2)}
+    for duration in (60.0, 200.0):
+        found = basins(system, y0, box, Settle(duration), points=64)
+        assert [a.kind for a in found.attractors] == ["orbit"]
+        assert float(found.attractors[0].motion.repeats) == 1
+    assert found.shares["orbit 1"] > 0.9
