@@ -73,7 +73,7 @@ def _off_the_plan(data: xr.Dataset, planned: dict[str, Any]) -> str:
     time, rows = time[time <= planned["time"][-1]], slice(0, int(np.sum(time <= planned["time"][-1])))
     off = [np.asarray(data[k])[rows] - np.interp(time, planned["time"], planned[k]) for k in "xy"]
     size = 1e3 * np.hypot(*off)
-    return f"The collar gets up to {size.max():.2g} mm off the plan, and ends {size[-1]:.2g} mm off."
+    return f"The collar gets up to {size.max():.3g} mm off the plan, and ends {size[-1]:.3g} mm off."
 
 
 def _slips(data: xr.Dataset) -> np.ndarray:

@@ -45,7 +45,7 @@ def test_two_rotors_never_meet_again():
     """Exponents of a torus: two are zero, and the others those of each rotor alone."""
     system = TwoRotors()
     found = basins(
-        system, system.state(x=0.5), {"v_x": (-1.0, 1.0), "y": (0.5, 1.0)}, Settle(200.0), points=64
+        system, system.state(x=0.5), {"v_x": (-1.0, 1.0), "y": (0.5, 1.0)}, Settle(400.0), points=64
     )
     assert [a.name for a in found.attractors] == ["torus 1"]
     assert found.shares["torus 1"] == 1.0
