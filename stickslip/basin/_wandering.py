@@ -19,8 +19,8 @@ def wanderings_at(search: Search, t: float, y: np.ndarray, mode: int) -> Iterato
 
     Its exponents are of a motion of the whole duration; those of a quasi-periodic one are asked again
     of a motion eight times as long. The tube is about the motion after that. There is none where no
-    exponent is zero but that along the motion, as of a periodic one, and where none is negative: without
-    damping nothing comes nearer.
+    exponent is zero but that along the motion, as of a periodic one, and where none is negative:
+    without damping nothing comes nearer.
     """
     lanes, period = search.lanes, search.forcing_period
     count = ACCURACY.many
