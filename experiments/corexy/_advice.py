@@ -13,7 +13,7 @@ from ._machine import Machine
 
 GOOD = 1.5  # reduced chi squared of a fit that needs no other start
 FAR = 10.0  # above it the model does not describe the log
-MISREAD = 1e3  # above it no noise explains it
+NOISIEST = 0.01  # part of its range that the noise of a sensor is at most
 SURE = 1.96  # standard errors of an interval of 95%
 # The virtual pulleys turn by (x + y)/r and (x - y)/r: with the one at rest, the other belt runs.
 WHICH = (
@@ -24,16 +24,19 @@ WHICH = (
 
 
 def advice(
-    fit: Fit, profile: Profile | None, tensions: Mapping[str, float], noise: Mapping[str, float]
-) -> list[str]:
+    fit: Fit, profile: Profile | None, tensions: Mapping[str, float], noise: Mapping[str, float],
+    ranges: Mapping[str, float],
+) -> list[str]:  # fmt: skip
     """Sentences for who has a spanner in the hand.
 
     `tensions` P1, P2 [N], those that were not fitted as given; `noise`: the root mean square of the
-    residuals of each signal, in its unit.
+    residuals of each signal, in its unit; `ranges`: from the least to the greatest of it.
     """
     chi_squared = float(fit.reduced_chi_squared)
     if not chi_squared <= FAR:
-        return [_void(chi_squared, noise)]
+        # Nobody's sensors are off by as much.
+        believable = all(size <= NOISIEST * ranges[name] for name, size in noise.items())
+        return [_void(chi_squared, noise if believable else {})]
     said = [WHICH]
     verdicts = {} if profile is None else profile.verdicts
     errors = {name: float(error) for name, error in fit.standard_errors().items()}
@@ -97,14 +100,13 @@ def _option(noise: Mapping[str, float]) -> str:
 
 def _void(chi_squared: float, noise: Mapping[str, float]) -> str:
     """The one thing to say of a fit that does not describe the log."""
-    # Nobody's sensors are off by so much more than is thought.
-    option = f" If your sensors are as noisy as that, say so by {_option(noise)}."
+    option = f" If your sensors are as noisy as that, say so by {_option(noise)}." if noise else ""
     return (
         f"VOID: the residuals are {math.sqrt(chi_squared):.3g} times the noise that was assumed "
         f"(reduced chi squared {chi_squared:.3g}), so the machine computed is not the one measured, "
         "and nothing is said about the belts. Look at the picture; check units and signs "
         "(--set units=...), and that --set machine=FILE is your machine; take more --set starts=, or "
-        "gentler voltages." + option * (chi_squared < MISREAD)
+        "gentler voltages." + option
     )
 
 

@@ -123,11 +123,12 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
     tensions = {name: float(getattr(final, name)) for name in ("P1", "P2")}
     off = {name: row - np.asarray(seen.observed[name]) for name, row in log.measured.items()}
     rms = {name: float(np.sqrt(np.mean(row**2))) for name, row in off.items()}
+    ranges = {name: float(np.ptp(row)) for name, row in log.measured.items()}
     first = [
         f"The log: {log.times.size:,} rows over {log.times[-1]:.4g} s.",
         machine_told(parameters["machine"]), *filter(None, [log.missing]),
     ]  # fmt: skip
-    said = "\n".join([*first, *advice(fit, intervals, tensions, rms)])
+    said = "\n".join([*first, *advice(fit, intervals, tensions, rms, ranges)])
     print(f"\n{said}")
     chi_squared = float(fit.reduced_chi_squared)
     if chi_squared <= FAR:

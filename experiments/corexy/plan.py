@@ -58,7 +58,7 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
     told = cx.check_rolling(plan)
     print(f"{float(plan.end):.4f} s: {told}")
     begin = np.asarray(plan.at(np.zeros(1)))[0]
-    elsewhere = np.hypot(*(begin - points[0])) > 1e-9
+    elsewhere = bool(np.hypot(*(begin - points[0])) > 1e-9)
     print(
         f"The machine is at rest at x = {begin[0]:g} m, y = {begin[1]:g} m when the plan begins"
         + (", not at the first point: of a closed path that corner is rounded too." * elsewhere or ".")

@@ -117,9 +117,9 @@ def basins(
     states at which contacts hold all that would move. About a fixed point and an orbit there is a
     radius within which all motions looked at come nearer, at this and every smaller distance (128
     directions and 12 distances, through their events): a motion belongs to an attractor as soon as it
-    is so near, and in the same mode. Those that are open at the end are asked for their Lyapunov
-    exponents: of a motion that never repeats but attracts, quasi-periodic or chaotic, the attractor is
-    known by 4,096 places of it. No motion is judged by the time alone: one that is on its way, beside
+    is so near, and in the same mode. Motions that are open at the end are asked for their Lyapunov
+    exponents: of one that never repeats but attracts, quasi-periodic or chaotic, the attractor is known
+    by 4,096 places of it. No motion is judged by the time alone: one that is on its way, beside
     an unstable one or hardly damped is "not settled".
 
     >>> import stickslip as ss

@@ -38,7 +38,8 @@ def wanderings_at(search: Search, t: float, y: np.ndarray, mode: int) -> Iterato
     end = spectrum = growth(t, lanes.unravel(y), jnp.asarray(mode, lanes.mode_type), length)
     kind, rate = _kind_of(spectrum, along)
     if kind == "torus":
-        # A chaotic motion may by chance not have grown for a while. What decays is lost over so long.
+        # A chaotic motion may by chance not have grown for a while. The exponents shown are those of the
+        # first record: over the longer segments of this one deviations that decay are lost.
         end = growth(end.t1, end.y1, end.mode1, ACCURACY.few * length)
         kind = kind * (_kind_of(end, along)[0] == kind)
     if not kind:
@@ -46,7 +47,7 @@ def wanderings_at(search: Search, t: float, y: np.ndarray, mode: int) -> Iterato
     last, tube = _tube_after(search, end, period or search.duration / ACCURACY.places)
     if tube is None:
         return
-    # What seemed never to repeat may have been a long way to a motion that does.
+    # A motion that seemed never to repeat may have been a long way to one that does.
     later = motions_at(search, last, tube.start[-1], int(tube.mode[-1]))
     settled = [found for found in later if found.rate < 0.0]
     yield from settled
@@ -56,7 +57,8 @@ def wanderings_at(search: Search, t: float, y: np.ndarray, mode: int) -> Iterato
 
 
 def _kind_of(spectrum: LyapunovSpectrum, along: int) -> tuple[str, float]:
-    """What exponents say of a motion of which so many are zero anyway; the slowest decay [1/s]."""
+    """The kind of a motion by its exponents, of which so many are zero anyway, and the rate of its
+    slowest decay [1/s]."""
     moved = np.isin(spectrum.words, ("ok", "lost"))
     values = np.asarray(spectrum.exponents)[moved]
     # A deviation that only swings may be of another size at the end: by the factor e, it is taken.

@@ -18,6 +18,7 @@ from experiments.corexy._recorded import RECORDED
 from experiments.corexy._recorded import animate as film_of_log
 
 NOISE = {"theta_1": 2.1e-3, "x": 3e-4}
+RANGES = dict.fromkeys(NOISE, 30.0)
 
 
 @pytest.fixture(autouse=True)
@@ -39,7 +40,7 @@ def told(
     verdicts = None
     if profile is not None:
         verdicts = types.SimpleNamespace(verdicts=dict(zip(names, profile, strict=True)))
-    return " ".join(advice(fit, verdicts, {"P1": one, "P2": two}, NOISE))
+    return " ".join(advice(fit, verdicts, {"P1": one, "P2": two}, NOISE, RANGES))
 
 
 def test_the_looser_belt_is_to_be_tightened():
