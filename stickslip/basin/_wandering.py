@@ -38,8 +38,8 @@ def wanderings_at(search: Search, t: float, y: np.ndarray, mode: int) -> Iterato
     end = spectrum = growth(t, lanes.unravel(y), jnp.asarray(mode, lanes.mode_type), length)
     kind, rate = _kind_of(spectrum, along)
     if kind == "torus":
-        # A chaotic motion may by chance not have grown for a while. The exponents shown are those of the
-        # first record: over the longer segments of this one deviations that decay are lost.
+        # A chaotic motion may by chance not have grown for a while. The exponents shown are those of
+        # the first record: over the longer segments of this one deviations that decay are lost.
         end = growth(end.t1, end.y1, end.mode1, ACCURACY.few * length)
         kind = kind * (_kind_of(end, along)[0] == kind)
     if not kind:
