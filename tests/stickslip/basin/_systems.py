@@ -225,8 +225,20 @@ def strobes(system: Duffing, x, v, periods: int, steps: int = 120) -> tuple[np.n
     return np.array(rows), float(np.mean(grown[periods // 2 :])) * w / (2.0 * np.pi)
 
 
+class HalfDamped(AbstractMechanism):
+    """A hardening oscillator without damping, and one with it that knows nothing of the first."""
+
+    coordinates: ClassVar = {"x": "m", "y": "m"}
+
+    def mass_matrix(self, q):
+        return {"x": 1.0, "y": 1.0}
+
+    def forces(self, t, q, v, args):
+        return {"x": -q.x - 0.3 * q.x**3, "y": -2.0 * q.y - 0.5 * v.y}
+
+
 class TwoRotors(AbstractMechanism):
-    """Two oscillators of van der Pol's that know nothing of each other; with 0 and less, damped."""
+    """Two oscillators of van der Pol's that know nothing of each other."""
 
     drive: tuple[float, float] = (0.5, 0.3)
     coordinates: ClassVar = {"x": "m", "y": "m"}
