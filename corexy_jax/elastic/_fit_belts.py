@@ -127,9 +127,9 @@ def fit_belts(
     **Arguments**
 
     - `machine`: what is known, and where the fit begins. Up to four fits from the best of 252 starts
-      about it are made, until one is down to the noise; look at `fit.reduced_chi_squared`. Where friction
-      all but holds a belt, its stiffness was off by up to 11 of its `errors`: take a stronger sweep. Its
-      drive is a `Stepper`, whose path is not used.
+      about it are made, until one is down to the noise; look at `fit.reduced_chi_squared`. Where
+      friction all but holds a belt, its stiffness was off by up to 11 of its `errors`: take a stronger
+      sweep. Its drive is a `Stepper`, whose path is not used.
     - `records`: a `HeadRecord` or several. `window`: samples, of which the fastest vibration should
       have 40 in a period.
 
