@@ -19,7 +19,7 @@ from corexy_jax.elastic import (
     fit_belts,
     resonance_sweep,
 )
-from corexy_jax.elastic._head_response import head_speeds
+from corexy_jax.elastic._head_response import _slid, head_speeds
 
 GIVEN = dict(m=0.35, M=0.25, J=8e-6, J_passive=2e-7, r=0.00637, r_f=0.002)
 RATE = 3200.0
@@ -102,6 +102,63 @@ def exact(p, belts, path):
     )  # fmt: skip
     y = found.outputs.y.y
     return 0.5 * (edges[1:] + edges[:-1]), RATE * np.diff(np.stack([y.v_x, y.v_y], axis=1), axis=0)
+
+
+def crept(v, pull, mass, limits, steps=500, rounds=50):
+    """Speeds after 1 s and the way, in small steps that are implicit, contact after contact in turn."""
+    directions = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, -1.0]])
+    give = (1.0 / mass) @ (directions**2).T
+    held, way, h = np.zeros_like(limits), np.zeros_like(v), 1.0 / steps
+    for _ in range(steps):
+        new = v + h * pull - held @ directions / mass
+        for _ in range(rounds):
+            for c, n in enumerate(directions):
+                now = np.clip(held[:, c] + new @ n / give[:, c], -h * limits[:, c], h * limits[:, c])
+                new = new - (now - held[:, c])[:, None] * n / mass
+                held[:, c] = now
+        way, v = way + 0.5 * h * (v + new), new
+    return v, way
+
+
+@pytest.mark.parametrize("pulls", [1.0, 0.1])
+def test_a_plane_slides_as_in_small_steps(pulls):
+    """From anywhere, from lines and from rest, through lines, onto them, along them and to rest."""
+    random, n = np.random.default_rng(0), 200
+    mass = np.exp(random.uniform(-1.0, 1.0, (n, 2)))
+    limits = random.uniform(0.0, pulls, (n, 4)) * np.exp(random.uniform(-2.0, 1.0, (n, 1)))
+    limits[100:130, 2:] = 0.0
+    pull = pulls * random.normal(size=(n, 2))
+    v = random.normal(size=(n, 2)) * np.exp(random.uniform(-3.0, 0.5, (n, 1)))
+    lines = np.array([[0.0, 1.0], [1.0, 0.0], [-1.0, 1.0], [1.0, 1.0]])
+    v[:50] = lines[np.arange(50) % 4] * v[:50, :1]
+    v[:10] = 0.0
+    own = jax.jit(jax.vmap(_slid, (0, 0, 0, 0, None)))(v, pull, mass, limits, 1.0)
+    for a, b in zip(own, crept(v, pull, mass, limits), strict=True):
+        np.testing.assert_allclose(a, b, rtol=0.0, atol=3e-3 * pulls)
+    assert np.any(np.all(own[0] == 0.0, axis=1))
+    assert np.any(own[0][:, 0] == own[0][:, 1])
+
+
+@pytest.mark.more
+def test_the_response_is_of_second_order_through_stops_and_starts():
+    """Against the declared machine with exact events; a belt is all but held in a third of the time."""
+    path = sweep(45.0, x=0.05, y=-0.1)
+    belts = Belts(Frame(0.4, 0.4), 9e3, 1.2e4, 1e-4)
+    _, clean = exact(printer(0.02), belts, path)
+    felt = {}
+    for steps in (1, 2, 4, 16):
+        h = 1.0 / RATE / steps
+        (_, v) = jax.vmap(lambda t: path(t, None))(jnp.asarray(h * np.arange(steps * len(clean) + 1)))
+        place = np.mean(np.asarray(path.positions), axis=0)
+        own = jax.jit(head_speeds)(printer(0.02), belts, place, steppers(path), jnp.stack(v, 1), h)
+        rows = RATE * np.diff(np.asarray(own)[::steps], axis=0)
+        felt[steps] = np.mean(rows[: len(rows) // 8 * 8].reshape(-1, 8, 2), axis=1)
+    means = np.mean(clean[: len(clean) // 8 * 8].reshape(-1, 8, 2), axis=1)
+    # What is left is the stiffness, which changes along the path.
+    assert np.std(felt[16] - means) < 1e-3 * np.std(means)
+    one, two, four = (np.std(felt[steps] - felt[16]) for steps in (1, 2, 4))
+    assert 3.0 < one / two < 6.0
+    assert 3.0 < two / four < 6.0
 
 
 def recorded(path, times, clean, seed, begin=0.0):
