@@ -14,7 +14,7 @@ from ._output import changed, summary, write_record
 from ._scoreboard import is_full, statements_of
 
 FOLDER = pathlib.Path(__file__).parent / "records"
-WIDTH = 480  # pixels
+WIDTH = 960  # pixels, for screens of twice the resolution
 COLOURS = 48
 KEPT = (
     "name", "title", "parameters", "versions", "code_revision", "device", "cpu_count", "date", "load",

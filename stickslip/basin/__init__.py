@@ -4,7 +4,7 @@ from ._attractor import Attractor as Attractor
 from ._basins import Basins as Basins
 from ._basins import basins as basins
 from ._border import border_motion as border_motion
-from ._border import share_inside as share_inside
+from ._border_shares import border_shares as border_shares
 from ._judge import Judge as Judge
 from ._kick import Kick as Kick
 from ._kick import smallest_kick as smallest_kick

@@ -1,6 +1,6 @@
-"""The border between two basins: the unstable motion on it; the share of a box inside an orbit."""
+"""The border between two basins: the unstable motion on it."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
 import jax
 import numpy as np
@@ -8,16 +8,15 @@ from jaxtyping import PyTree
 from scipy.spatial import KDTree
 
 from .._types import Given
-from .._validation import check_handed_on, check_in, check_type, one_concrete, refusal
+from .._validation import check_in, check_type, refusal
 from ..continuation import Equilibrium, PeriodicOrbit
-from ..hybrid import AbstractHybridSystem, Integrator, SaveAt, simulate
-from ..hybrid.components import numbers_of
+from ..hybrid import AbstractHybridSystem, Integrator
 from ._accuracy import ACCURACY
 from ._attractor import Attractor, Found, motions_at
 from ._basins import Basins, check_start, turns
 from ._judged import Judged, codes_from
 from ._lanes import Lanes, rows_of
-from ._settle import Settle, check_limits
+from ._settle import Settle
 from ._tube import distances
 
 
@@ -42,7 +41,7 @@ def border_motion(
     - `between`: names of two of its attractors.
 
     **Returns** an `Equilibrium` or a `PeriodicOrbit`; of a flow in a plane the latter *is* the border,
-    and the former has it as its stable manifold.
+    and the former has it as its stable manifold (`border_shares`).
 
     **Errors** `ValueError`/`TypeError` naming the argument; `ValueError` where no start comes to one of
     the two, and where no unstable motion is found: the border may be a chaotic set.
@@ -139,56 +138,3 @@ def _nearest(one: np.ndarray, other: np.ndarray) -> np.ndarray:
     away, at = KDTree(other).query(one)
     i = int(np.argmin(away))
     return np.stack([one[i], other[int(np.ravel(at)[i])]])
-
-
-def share_inside(
-    system: Given[AbstractHybridSystem],
-    orbit: Given[PeriodicOrbit],
-    box: Given[Mapping[str, tuple[float, float]]],
-    *,
-    args: PyTree = None,
-) -> float:
-    """Part of a rectangle of two components of the state that lies inside of an orbit.
-
-    Where the orbit is the border of a basin of a flow in the plane, that is the share of the basin:
-    to some 1e-8, from 32,768 states on the orbit.
-
-    **Arguments** `system`, `args`: those of the `orbit`; `box`: two names to least and greatest value.
-
-    **Errors** `ValueError`/`TypeError` naming the argument.
-    """
-    check_type("system", system, AbstractHybridSystem, "an AbstractHybridSystem")
-    check_type("orbit", orbit, PeriodicOrbit, "a PeriodicOrbit")
-    names = numbers_of(orbit.y0)
-    if not isinstance(box, Mapping) or len(box) != 2 or not set(box) <= set(names):
-        raise refusal("box", box, f"a mapping from two of {', '.join(names)} to pairs of numbers")
-    check_limits("box", box)
-    check_handed_on("args", args)
-    t0, period = one_concrete("orbit.t0", float(orbit.t0)), float(orbit.period) / int(orbit.repeats)
-    ts = t0 + period * np.linspace(0.0, 1.0, ACCURACY.corners, endpoint=False)
-    run = simulate(
-        system, t0, t0 + period, orbit.y0, orbit.mode0, args, saveat=SaveAt(ts=ts, max_events=None)
-    )
-    assert run.outputs is not None
-    states = rows_of(run.outputs.y, ACCURACY.corners)
-    corners = states[:, [names.index(name) for name in box]]
-    area = 1.0
-    for axis, (low, high) in enumerate(box.values()):
-        corners = _clip(_clip(corners, axis, low, 1.0), axis, high, -1.0)
-        area *= high - low
-    x, y = corners.T
-    return float(0.5 * abs(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)) / area)
-
-
-def _clip(corners: np.ndarray, axis: int, level: float, sign: float) -> np.ndarray:
-    """The part of a polygon on one side of a level (Sutherland and Hodgman 1974)."""
-    if not len(corners):
-        return corners
-    value = sign * (corners[:, axis] - level)
-    after, ahead = np.roll(value, -1), np.roll(corners, -1, axis=0)
-    crosses = (value >= 0.0) != (after >= 0.0)
-    part = np.where(crosses, value / np.where(crosses, value - after, 1.0), 0.0)[:, None]
-    cuts = corners + part * (ahead - corners)
-    both = np.stack([corners, cuts], axis=1).reshape(-1, 2)
-    kept = np.stack([value >= 0.0, crosses], axis=1).ravel()
-    return both[kept]

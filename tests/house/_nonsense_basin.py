@@ -72,7 +72,11 @@ TARGETS = [
         },
     ),
     Target(
-        basin.share_inside, {"system": SYSTEM, "orbit": arg(CYCLE), "box": BOX, "args": ARGS}
+        basin.border_shares,
+        {
+            "system": SYSTEM, "found": arg(FOUND), "settle": SETTLE, "integrator": INTEGRATOR,
+            "args": ARGS,
+        },
     ),
     Target(basin.Basins.to_dataset, {"system": SYSTEM}, FOUND.to_dataset),
     Target(
