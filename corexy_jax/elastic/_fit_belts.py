@@ -123,7 +123,7 @@ def fit_belts(
 
     **Arguments**
 
-    - `machine`: what is known, and where the fit begins. Up to four fits from the best of 252 starts
+    - `machine`: what is known, and where the fit begins. Up to four fits from the best of 84 starts
       about it are made, until one is down to the noise; look at `fit.reduced_chi_squared`. Where
       friction all but holds a belt, its stiffness is hardly told (errors of percent), and all errors
       are rough: take a stronger sweep. Its drive is a `Stepper`, whose path is not used.
@@ -217,24 +217,21 @@ def _costs(rows: dict, data: tuple) -> tuple[Array, Array]:
 
 def _nearest(data: tuple, other: dict) -> list[dict[str, Any]]:
     """Unknowns from where the fit begins, the best first: of common factors of both stiffnesses and of
-    friction, about the best of these of the ratio of both, of damping and of friction."""
+    friction."""
     own = {"EA_1": float(data[1].EA_1), "EA_2": float(data[1].EA_2), **other}
-    wide = np.meshgrid(np.geomspace(0.6, 1.6, 21), [1.0], [2.0], [0.5, 1.0, 2.0, 4.0])
-    near = np.meshgrid([1.0], np.geomspace(0.8, 1.25, 7), [0.3, 1.0, 2.0], [0.7, 1.0, 1.4, 2.0])
-    tried: list[tuple[float, dict[str, Any]]] = []
-    for grid in (wide, near):
-        both, ratio, damping, friction = (np.ravel(a) for a in grid)
-        factors = {"EA_1": both * ratio**0.5, "EA_2": both / ratio**0.5, "retardation": damping}
-        middle = min(tried, key=lambda one: one[0])[1] if tried else own
-        rows = {name: middle[name] * factors.get(name, friction) for name in own}
-        costs, begins = (np.asarray(a) for a in _costs(jax.tree.map(jnp.asarray, rows), data))
-        for k, cost in enumerate(costs):
-            values = {name: float(row[k]) for name, row in rows.items()}
-            tried.append(
-                (float(cost), values | {f"begin[{i}]": float(b) for i, b in enumerate(begins[k])})
-            )
+    both, friction = (
+        np.ravel(a) for a in np.meshgrid(np.geomspace(0.6, 1.6, 21), [0.5, 1.0, 2.0, 4.0])
+    )
+    factors = {"EA_1": both, "EA_2": both, "retardation": 2.0, "mu": friction}
+    rows = {name: own[name] * factors[name] * np.ones(both.size) for name in own}
+    costs, begins = (np.asarray(a) for a in _costs(jax.tree.map(jnp.asarray, rows), data))
+    tried = [
+        {name: float(row[k]) for name, row in rows.items()}
+        | {f"begin[{i}]": float(b) for i, b in enumerate(begins[k])}
+        for k in np.argsort(costs)
+    ]
     starts: list[dict[str, Any]] = []
-    for _, values in sorted(tried, key=lambda one: one[0]):
+    for values in tried:
         # Others must be elsewhere, by more than a step of the common factor.
         if len(starts) < 4 and all(abs(values["EA_1"] / one["EA_1"] - 1.0) > 0.06 for one in starts):
             starts.append(values)
