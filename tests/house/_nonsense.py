@@ -36,7 +36,7 @@ from corexy_jax.elastic import _expected_errors as expected_errors
 from corexy_jax.elastic import _fit_belts as fit_belts
 from stickslip import _compilation_cache
 from stickslip.analysis import _attractor, _volume
-from stickslip.basin import _border, _judged
+from stickslip.basin import _border, _border_shares, _judged
 from stickslip.contact import _dead_zone, _zonotope
 from stickslip.continuation import _continue
 from stickslip.control import _hunting
@@ -100,7 +100,8 @@ BEHIND = (
     (_hunting, "map_lanes"),
     (_judged.Judged, "follow"),
     (_border, "Judged"),
-    (_border, "simulate"),
+    (_border_shares, "Judged"),
+    (_border_shares, "simulate"),
     (evaluate.Evaluate, "program"),
     (_compilation_cache, "_here"),
     (_methods.AbstractIterativeMethod, "solve"),
