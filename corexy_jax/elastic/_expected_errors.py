@@ -56,7 +56,7 @@ def expected_errors(
     x, y = felt.T + np.arange(times.size)[None, :] * 1e-12
     p, belts = machine.parameters, machine.belts
     data = (
-        p, belts, stepper, (np.mean(np.asarray(path.positions), axis=0),),
+        p, belts, stepper,
         (windows_of(HeadRecord(path, times, x, y), window),), (noise / window**0.5,),
     )  # fmt: skip
     values = {

@@ -95,11 +95,13 @@ class BeltFit(NamedTuple):
 
 class _Windows(NamedTuple):
     """Of one record: ends of windows [s] of the record's clock, numbers of those that are whole, what
-    was measured there, speeds of the command, the step [s], the first guess of its begin [s]."""
+    was measured there, mean position and speeds of the command, the step [s], the first guess of its
+    begin [s]."""
 
     edges: Array
     whole: Array
     measured: Array
+    place: Array
     command: Array
     step: float
     begin: float
@@ -143,12 +145,11 @@ def fit_belts(
         check_type(f"records[{i}]", record, HeadRecord, "a HeadRecord")
     whole_number("window", window, 1, min(record.times.size for record in rows) // 16)
     cut = tuple(windows_of(record, window) for record in rows)
-    places = tuple(np.mean(np.asarray(record.path.positions), axis=0) for record in rows)
     noise = tuple(
         max(r.noise / window**0.5, 1e-3 * float(np.std(part.measured)))
         for r, part in zip(rows, cut, strict=True)
     )
-    data = (p, belts, stepper, places, cut, noise)
+    data = (p, belts, stepper, cut, noise)
     other = {"retardation": max(float(belts.retardation), 1e-5), "mu": max(float(p.mu_k), 1e-3)}
     method = LevenbergMarquardt(tolerance=1e-5)
     found: list[Fit] = []
@@ -174,16 +175,15 @@ def fit_belts(
 
 def _speeds(values: dict, data: tuple) -> list[Array]:
     """Speeds of the head in the steps of each record [m/s]."""
-    p, belts, stepper, places, cut, _ = data
+    p, belts, stepper, cut, _ = data
     guess = eqx.tree_at(lambda a: a.mu_k, p, values["mu"])
     now = Belts(belts.frame, values["EA_1"], values["EA_2"], values["retardation"])
-    pairs = zip(places, cut, strict=True)
-    return [head_speeds(guess, now, x, stepper, part.command, part.step) for x, part in pairs]
+    return [head_speeds(guess, now, one.place, stepper, one.command, one.step) for one in cut]
 
 
 def _computed(values: dict, data: tuple) -> list[Array]:
     """Means of the acceleration of the head over the windows of each record [m/s²]."""
-    found = enumerate(zip(_speeds(values, data), data[4], strict=True))
+    found = enumerate(zip(_speeds(values, data), data[3], strict=True))
     return [_means(speeds, part, values[f"begin[{i}]"]) for i, (speeds, part) in found]
 
 
@@ -265,7 +265,8 @@ def windows_of(record: HeadRecord, window: int) -> _Windows:
     measured = measured[whole] - np.mean(measured[whole], axis=0)
     command = jnp.stack(speeds, axis=1)
     numbers = jnp.asarray(np.flatnonzero(whole))
-    return _Windows(jnp.asarray(edges), numbers, jnp.asarray(measured), command, h, begin)
+    place = jnp.mean(path.positions, axis=0)
+    return _Windows(jnp.asarray(edges), numbers, jnp.asarray(measured), place, command, h, begin)
 
 
 def _begin(record: HeadRecord) -> float:

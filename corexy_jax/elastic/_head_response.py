@@ -35,7 +35,7 @@ def head_speeds(
     as if all else accelerated the masses evenly within the step, with its stops, starts and reversals
     where they are (`_slid`): of second order in `h`, also through them. No span may become slack.
 
-    What a motor at a larger lag has less than its stiffness says is one more impulse.
+    What a motor at a larger lag has less than by its stiffness acts as the mean of both ends of a step.
 
     **Arguments:** `place`: `x`, `y` [m]; `motor`, whose path and detent are not used; `command`: speeds
     `[step, 2]` [m/s] at the times; `h` [s].

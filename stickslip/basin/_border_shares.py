@@ -97,7 +97,7 @@ def border_shares(
     shares = areas / np.prod(np.ptp(limits, axis=1))
     for k, share in enumerate(shares[: len(attractors)]):
         seen = float(np.mean(code == k))
-        if abs(seen - share) > 3.0 * np.sqrt(0.25 / code.size) + np.mean(~known):
+        if abs(seen - share) > ACCURACY.errors * np.sqrt(0.25 / code.size) + np.mean(~known):
             name = f"found.shares[{attractors[k].name!r}]"
             raise refusal(name, seen, f"near {share:.4g}, as the edge of the box says")
     return {attractor.name: float(share) for attractor, share in zip(attractors, shares, strict=False)}
@@ -173,18 +173,18 @@ class _Plane:
         through = first > 0 and not 0 < apart < first
         last = first
         if not through:
+            if not apart:
+                allowed = "long enough for motions beside a border to part"
+                raise refusal("settle.duration", self.settle.duration, allowed)
             # Nearest to the saddle, or at rest, where it is slowest.
-            last = apart or len(own)
-            last = 1 + int(np.argmin(np.linalg.norm(np.diff(own[:last] / size, axis=0), axis=1)))
+            last = 1 + int(np.argmin(np.linalg.norm(np.diff(own[:apart] / size, axis=0), axis=1)))
         found = self.motion(place, end * last / (len(own) - 1))
         if through:
             last = self.first_out(found) or len(found) - 1
             before, after = found[last - 1], found[last]
-            beyond = np.maximum(self.limits[:, 0] - after, after - self.limits[:, 1])
-            axis = int(np.argmax(beyond / np.maximum(np.abs(after - before), 1e-300)))
-            level = self.limits[axis, int(after[axis] > before[axis])]
-            share = (level - before[axis]) / (after[axis] - before[axis])
-            found = np.concatenate([found[:last], [before + share * (after - before)]])
+            over = np.clip(after, *self.limits.T) - after
+            away = np.where(over != 0.0, before - after, 1.0)
+            found = np.concatenate([found[:last], [after + np.max(over / away) * (before - after)]])
         return _Arc(found, left, right, through)
 
     def first_out(self, places: np.ndarray) -> int:
@@ -215,15 +215,18 @@ def _swept(places: np.ndarray) -> float:
 
 def _close(areas: np.ndarray, arcs: list[_Arc], limits: np.ndarray) -> None:
     """Join the borders that end at one saddle, or at the edge of one set of states at rest."""
-    left = [arc for arc in arcs if not arc.through]
+    left, size = [arc for arc in arcs if not arc.through], np.ptp(limits, axis=1)
     while left:
         middle = left[0].places[-1]
-        away = [np.max(np.abs(arc.places[-1] - middle) / np.ptp(limits, axis=1)) for arc in left]
+        away = [np.max(np.abs(arc.places[-1] - middle) / size) for arc in left]
         group = [arc for arc, far in zip(left, away, strict=True) if far < ACCURACY.near**2]
         left = [arc for arc, far in zip(left, away, strict=True) if far >= ACCURACY.near**2]
         if sorted(arc.left for arc in group) != sorted(arc.right for arc in group):
             allowed = f"one whose edge all borders reach, also that which ends at {middle}"
             raise refusal("found.box", limits.tolist(), allowed)
+        if max(np.max(np.abs(arc.places[-1] - middle) / size) for arc in group) > ACCURACY.near**4:
+            # The triangles between are the square of that.
+            raise refusal("found.box", limits.tolist(), f"without a saddle as weak as that at {middle}")
         for arc in group:
             closing = _swept(np.stack([arc.places[-1], middle]))
             areas[arc.left] += closing

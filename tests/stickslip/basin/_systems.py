@@ -54,16 +54,17 @@ def _turn(points: np.ndarray) -> int:
 
 
 class Wells(AbstractMechanism):
-    """A mass in two wells at -1 and 1, with damping."""
+    """A mass in two wells, at -1 and 1 without a tilt, with damping."""
 
     damping: float = 0.3
+    tilt: float = 0.0
     coordinates: ClassVar = {"x": "m"}
 
     def mass_matrix(self, q):
         return {"x": 1.0}
 
     def forces(self, t, q, v, args):
-        return {"x": q.x - q.x**3 - self.damping * v.x}
+        return {"x": q.x - q.x**3 - self.damping * v.x + self.tilt}
 
 
 class Critical(AbstractMechanism):
@@ -103,16 +104,17 @@ def well(x: float, v: float, damping: float = 0.3) -> int:
     return int(np.sign(end[0]))
 
 
-def saddle_border(damping: float = 0.3) -> list:
+def saddle_border(damping: float = 0.3, tilt: float = 0.0, until: float = 22.0) -> list:
     """The stable manifold of the saddle between the wells, backwards in time: a motion each way."""
 
     def back(t, y):
-        return [-y[1], -(y[0] - y[0] ** 3 - damping * y[1])]
+        return [-y[1], -(y[0] - y[0] ** 3 - damping * y[1] + tilt)]
 
-    rate = -0.5 * damping - np.sqrt(0.25 * damping**2 + 1.0)
-    starts = [1e-7 * side * np.array([1.0, rate]) for side in (1.0, -1.0)]
+    saddle = min(np.roots([-1.0, 0.0, 1.0, tilt]).real, key=abs)
+    rate = -0.5 * damping - np.sqrt(0.25 * damping**2 + 1.0 - 3.0 * saddle**2)
+    starts = [[saddle, 0.0] + 1e-7 * side * np.array([1.0, rate]) for side in (1.0, -1.0)]
     given = {"rtol": 1e-12, "atol": 1e-14, "dense_output": True}
-    return [solve_ivp(back, (0.0, 22.0), start, **given).sol for start in starts]
+    return [solve_ivp(back, (0.0, until), start, **given).sol for start in starts]
 
 
 def nearest(curves: list, place: np.ndarray, sizes: np.ndarray) -> float:

@@ -137,7 +137,7 @@ def test_a_start_on_top_of_the_hill_is_not_settled(wells):
     [(0.05, 3), (0.38, 3), (0.39, 1)],
 )
 def test_sets_of_rest_are_those_that_hang_together(friction, count):
-    system = TwoWells(0.1, friction)
+    system = TwoWells(0.1, friction=friction)
     found = basins(system, system.state(), SQUARE, Settle(200.0), points=(16, 16))
     assert [a.kind for a in found.attractors] == ["rest"] * count
     ends = [float(a.motion.x) for a in found.attractors]
@@ -151,7 +151,7 @@ def test_sets_of_rest_are_those_that_hang_together(friction, count):
 
 def test_a_fixed_point_of_a_slip_that_friction_holds_is_none():
     """On a border it would be taken for the saddle: the mass sticks there."""
-    system = TwoWells(0.1, 0.2)
+    system = TwoWells(0.1, friction=0.2)
     lanes = Lanes(system, None, None, system.state())
     search = Search(lanes, np.ones(2), np.full(2, np.inf), 10.0, None)
     modes = range(len(system.mode_names))
@@ -286,7 +286,7 @@ def test_a_magnetic_pendulum_comes_to_rest_as_the_reference_does():
 
 
 def test_many_starts_come_to_rests_and_fail():
-    system = TwoWells(0.1, 0.38)
+    system = TwoWells(0.1, friction=0.38)
     found = basins(system, system.state(), SQUARE, Settle(200.0), points=(8, 8))
     judge = Judge(system, found, Settle(200.0))
     whole = ss.sweep.run_sweep(judge, judge.grid((8, 8)))

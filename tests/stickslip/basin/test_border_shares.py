@@ -5,44 +5,14 @@ from typing import ClassVar
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from stickslip.basin import Settle, basins, border_shares
-from stickslip.friction import Coulomb
-from stickslip.mechanism import AbstractMechanism, Contact
+from stickslip.mechanism import AbstractMechanism
 
-from ._systems import OnBelt
+from ._systems import OnBelt, TwoWells, Wells, saddle_border
 
 BOX = {"x": (-2.0, 2.0), "v_x": (-2.0, 2.0)}
-
-
-class Tilted(AbstractMechanism):
-    """Two wells that are not alike, with damping and, where `mu` is positive, dry friction."""
-
-    damping: float = 0.3
-    mu: float = 0.0
-    coordinates: ClassVar = {"x": "m"}
-    contact_directions: ClassVar = {"ground": {"x": 1}}
-
-    def mass_matrix(self, q):
-        return {"x": 1.0}
-
-    def forces(self, t, q, v, args):
-        return {"x": q.x - q.x**3 - self.damping * v.x + 0.1}
-
-    def contacts(self, t, q, v, args):
-        return {"ground": Contact(Coulomb(self.mu, self.mu), 1.0)}
-
-
-class Smooth(AbstractMechanism):
-    damping: float = 0.3
-    coordinates: ClassVar = {"x": "m"}
-
-    def mass_matrix(self, q):
-        return {"x": 1.0}
-
-    def forces(self, t, q, v, args):
-        return {"x": q.x - q.x**3 - self.damping * v.x + 0.1}
+TILT = 0.1
 
 
 class Driven(AbstractMechanism):
@@ -60,23 +30,9 @@ class Driven(AbstractMechanism):
 
 def share_of_the_right_well(damping):
     """Rows of the box are cut by the stable manifold of the saddle, where the well changes."""
-    saddle = min(np.roots([-1.0, 0.0, 1.0, 0.1]).real, key=abs)
-    slope = 1.0 - 3.0 * saddle**2
-    rate = 0.5 * (-damping - np.sqrt(damping**2 + 4.0 * slope))
-
-    def back(t, y):
-        return [-y[1], -(y[0] - y[0] ** 3 - damping * y[1] + 0.1)]
-
-    def far(t, y):
-        return 6.0 - abs(y[0])
-
-    far.terminal = True
-    sides = []
-    for side in (-1.0, 1.0):
-        start = np.array([saddle, 0.0]) + side * 1e-7 * np.array([1.0, rate])
-        run = solve_ivp(back, (0.0, 80.0), start, rtol=1e-12, atol=1e-13, events=far, dense_output=True)
-        sides.append(run.sol(np.linspace(0.0, run.t[-1], 800_001)).T[:: 1 if side > 0.0 else -1])
-    x, v = np.concatenate(sides).T
+    one, other = saddle_border(damping, TILT, 6.6 / damping)
+    t = np.linspace(0.0, 6.6 / damping, 800_001)
+    x, v = np.concatenate([other(t[::-1]), one(t)], axis=1)
     rows = np.linspace(-2.0, 2.0, 8001)
     cuts = [[] for _ in rows]
     number = (v + 2.0) / (rows[1] - rows[0])
@@ -88,7 +44,7 @@ def share_of_the_right_well(damping):
                 cuts[row].append(x[i] + part * (x[i + 1] - x[i]))
     # The right end of the row at rest is the right well's or not, by how often the way there is cut;
     # that of another row by how often the edge between them is.
-    middle, well = np.array(cuts[len(rows) // 2]), max(np.roots([-1.0, 0.0, 1.0, 0.1]).real)
+    middle, well = np.array(cuts[len(rows) // 2]), max(np.roots([-1.0, 0.0, 1.0, TILT]).real)
     at_right = np.sum((middle > well) & (middle < 2.0)) % 2 == 0
     at = np.flatnonzero((x[1:] > 2.0) != (x[:-1] > 2.0))
     edge = v[at] + (2.0 - x[at]) / (x[at + 1] - x[at]) * (v[at + 1] - v[at])
@@ -103,20 +59,23 @@ def share_of_the_right_well(damping):
 
 
 @pytest.mark.parametrize("damping", [0.3, pytest.param(0.1, marks=pytest.mark.slow)])
-def test_shares_of_two_wells_are_those_of_the_saddles_manifold(damping):
-    system, settle = Smooth(damping), Settle(40.0 / damping)
+def test_shares_of_two_wells_are_those_of_the_saddles_manifold(damping, compiled):
+    system, settle = Wells(damping, TILT), Settle(40.0 / damping)
     found = basins(system, system.state(), BOX, settle, points=(16, 16))
     shares = border_shares(system, found, settle)
     right = next(a.name for a in found.attractors if a.motion.y.x > 0.0)
     assert sum(shares.values()) == pytest.approx(1.0, abs=1e-12)
     assert shares[right] == pytest.approx(share_of_the_right_well(damping), abs=1e-6)
+    compiled.clear()
+    assert border_shares(system, found, settle) == shares
+    assert compiled == []
 
 
 @pytest.mark.more
 @pytest.mark.parametrize(
     ("system", "box", "duration"),
     [
-        pytest.param(Tilted(0.3, 0.1), BOX, 100.0, marks=pytest.mark.slow),
+        pytest.param(TwoWells(0.3, TILT, friction=0.1), BOX, 100.0, marks=pytest.mark.slow),
         (Driven(), {"x": (-np.pi, np.pi), "v_x": (-3.0, 4.0)}, 200.0),
     ],
 )
@@ -142,7 +101,7 @@ def test_a_basin_inside_of_the_box_is_that_inside_of_the_orbit():
 
 
 def test_what_is_no_plane_is_named():
-    system, settle = Smooth(), Settle(100.0)
+    system, settle = Wells(), Settle(100.0)
     line = basins(system, system.state(v_x=0.0), {"x": (-2.0, 2.0)}, settle, points=8)
     with pytest.raises(ValueError, match=r"found = .* box of both numbers"):
         border_shares(system, line, settle)

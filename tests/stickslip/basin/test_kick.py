@@ -78,7 +78,7 @@ def test_friction_is_kicked_over_its_unstable_cycle():
 @pytest.mark.more
 def test_a_kick_that_ends_in_a_rest_that_the_map_has_not_found():
     """Friction holds on top of the hill too, in a strip that no start of a coarse map comes to."""
-    system = TwoWells(0.1, 0.05)
+    system = TwoWells(0.1, friction=0.05)
     found = basins(system, system.state(), SQUARE, Settle(200.0), points=(8, 8))
     assert [a.name for a in found.attractors] == ["rest 1", "rest 2"]
     rest = found.attractors[0].motion
