@@ -29,8 +29,6 @@ class Accuracy:
     """Of a motion that never repeats, by which it is known."""
     corners: int = 32 * block
     """Of the polygon that stands for a border."""
-    errors: float = 3.0
-    """Standard errors by which a share of starts may differ from that by borders."""
 
 
 ACCURACY = Accuracy()

@@ -97,7 +97,8 @@ def border_shares(
     shares = areas / np.prod(np.ptp(limits, axis=1))
     for k, share in enumerate(shares[: len(attractors)]):
         seen = float(np.mean(code == k))
-        if abs(seen - share) > ACCURACY.errors * np.sqrt(0.25 / code.size) + np.mean(~known):
+        # Two standard errors of a half, of points that are spread more evenly than random ones.
+        if abs(seen - share) > code.size**-0.5 + np.mean(~known):
             name = f"found.shares[{attractors[k].name!r}]"
             raise refusal(name, seen, f"near {share:.4g}, as the edge of the box says")
     return {attractor.name: float(share) for attractor, share in zip(attractors, shares, strict=False)}
