@@ -72,9 +72,15 @@ class Place:
         return dataclasses.replace(self, way=-self.way)
 
     def led_to(self, point: Point, steep: float) -> "Place":
-        """Another point not far along the curve; its direction is that of the parabola through both."""
+        """Another point not far along the curve; its direction is that of the parabola through both.
+
+        A chord as short as points are apart by rounding has no direction: the old one is kept.
+        """
         chord = point.u - self.point.u
-        chord = chord / np.linalg.norm(chord)
+        length = np.linalg.norm(chord)
+        if length < ACCURACY.known:
+            return place_along(self, point, self.way, steep)
+        chord = chord / length
         return place_along(self, point, 2.0 * (chord @ self.way) * chord - self.way, steep)
 
 
@@ -289,9 +295,6 @@ def last_place(
                 high = middle
             else:
                 low, best = middle, found
-        # Chords as short as this have no direction.
-        if low < ACCURACY.known:
-            best = dataclasses.replace(best, way=last.way)
         last, span = best, 4.0 * (high - low)  # more than was left, for it is a little off
         if span < ENGINE.zero * distance:
             break

@@ -1,5 +1,6 @@
 """Curves of special points over two parameters, against closed forms and independent integration."""
 
+from types import SimpleNamespace
 from typing import Any, ClassVar, NamedTuple
 
 import jax.numpy as jnp
@@ -19,6 +20,7 @@ from stickslip.continuation import (
     orbit_guess,
     periodic_orbit,
 )
+from stickslip.continuation._curves import Place
 from tests.stickslip.continuation._systems import (
     Bouncing,
     CoulombForced,
@@ -251,6 +253,20 @@ def test_borders_of_two_stops_end_where_they_meet(start, offsets, largest, stop)
     np.testing.assert_allclose(corner.values, [0.11, -0.1], atol=5e-8)
     (other,) = [end for end in curve.ends if end is not corner]
     assert other.words.startswith("bounds of ")
+
+
+@pytest.mark.parametrize("away", [1e-3, 1e-7, 1e-12, 0.0])
+def test_a_place_led_to_has_a_direction_however_near_it_is(away):
+    """A circle: its tangent turns by the arc, and a point is off it by rounding of a whole orbit."""
+    old = Place(seen_at([1.0, 0.0]), np.array([0.0, 1.0]), np.array([-1.0, 0.0]), 1.0)
+    off = np.array([1e-12, 0.0]) if away else np.zeros(2)
+    new = old.led_to(seen_at(np.array([np.cos(away), np.sin(away)]) + off), 1.0)
+    np.testing.assert_allclose(new.way, [-np.sin(away), np.cos(away)], atol=1e-6)
+    np.testing.assert_allclose(new.normal, [-np.cos(away), -np.sin(away)], atol=1e-6)
+
+
+def seen_at(u) -> Any:
+    return SimpleNamespace(u=np.asarray(u), tangent=np.eye(2))
 
 
 class Cycle(NamedTuple):
