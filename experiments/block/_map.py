@@ -83,7 +83,8 @@ def settled_motions(parameters: Mapping[str, Any], context: Context) -> xr.Datas
     found = found.assign(
         motion=(("k3", "V_b"), motion_of(found), {
             "long_name": "maxima of x after which the motion repeats, or what it is instead",
-            "flag_values": list(MEANINGS), "flag_meanings": "; ".join(MEANINGS.values()),
+            "flag_values": list(MEANINGS),
+            "flag_meanings": " ".join(words.replace(" ", "_") for words in MEANINGS.values()),
         }),
         seconds=(("k3", "V_b"), seconds_of(found), {"units": "s", "long_name": "period"}),
     )  # fmt: skip

@@ -17,7 +17,7 @@ from ..hybrid.components import component_list, components_of, numbers_of, perio
 from ..hybrid.longest_step import depends_on_time
 from ..hybrid.tree import with_float_arrays
 from ._attractor import Attractor
-from ._codes import OTHERS
+from ._codes import OTHERS, meanings_of
 from ._judged import Judged
 from ._lanes import Lanes, flat
 from ._settle import Settle, check_limits
@@ -89,7 +89,7 @@ class Basins(NamedTuple):
                 coords[name] = ((name,), column[along], {"units": unit_of(system, place.name)})
             else:
                 coords[name] = (dims, column, {"units": unit_of(system, place.name)})
-        meanings = {"flag_values": list(self.names), "flag_meanings": ", ".join(self.names.values())}
+        meanings = meanings_of(self.names)
         return xr.Dataset(
             {
                 "code": (dims, self.code, {"long_name": "attractor", **meanings}),

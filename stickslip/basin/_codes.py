@@ -1,6 +1,6 @@
 """Which attractor a motion has come to: one judgement, for maps and for sweeps."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -18,6 +18,12 @@ from ._tube import Tube, distances_of_one, stack_of
 
 NOT_SETTLED, LEFT, FAILED = -1, -2, -3
 OTHERS = {NOT_SETTLED: "not settled", LEFT: "left the limits", FAILED: "failed"}
+
+
+def meanings_of(names: Mapping[int, str]) -> dict[str, Any]:
+    """Attributes of an array of codes: their words, as the CF conventions have them without blanks."""
+    words = [name.replace(" ", "_") for name in names.values()]
+    return {"flag_values": list(names), "flag_meanings": " ".join(words)}
 
 
 class Known(NamedTuple):

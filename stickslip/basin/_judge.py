@@ -14,7 +14,7 @@ from ..hybrid import AbstractHybridSystem, Integrator
 from ..hybrid.components import component_list, numbers_of
 from ..sweep import Labels, Variable
 from ._basins import Basins, check_start, starts_in
-from ._codes import FAILED, NOT_SETTLED, OTHERS, code_of, known_of
+from ._codes import FAILED, NOT_SETTLED, OTHERS, code_of, known_of, meanings_of
 from ._lanes import Lanes, flat
 from ._settle import Settle
 
@@ -64,8 +64,7 @@ class Judge:
         self._known = jax.tree.map(jnp.asarray, known_of(found.attractors, settle, self._lanes))
         self._times = np.concatenate([[0.0], settle.times])
         words = {k: attractor.name for k, attractor in enumerate(found.attractors)} | OTHERS
-        meanings = {"flag_values": list(words), "flag_meanings": ", ".join(words.values())}
-        code = Variable(long_name="attractor", attrs=meanings)
+        code = Variable(long_name="attractor", attrs=meanings_of(words))
         entry = Variable(long_name="time of entry", units="s")
         self.labels = Labels({"code": code, "entry": entry}, name="basins")
 

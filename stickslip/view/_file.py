@@ -18,7 +18,8 @@ from bokeh.resources import INLINE
 from .._validation import refusal
 from ._diagram import Diagram
 from ._module import Functions, motion
-from ._page import failure, page_of
+from ._motion import failure
+from ._page import page_of
 
 LARGEST = 5_000_000  # bytes of the file
 MOST_POINTS = LARGEST * 9 // 100  # of 4 bytes, a third more as text: what the page's programs leave

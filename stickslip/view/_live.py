@@ -1,8 +1,6 @@
 """The page on the local server: clicks and regions are answered by Python."""
 
 import html
-import sys
-import traceback
 from collections.abc import Callable
 from typing import Any
 
@@ -11,8 +9,11 @@ import xarray as xr
 
 from .._validation import refusal
 from ._diagram import Diagram, Lanes
-from ._module import Functions, motion
-from ._page import Page, failure, page_of
+from ._map import Map
+from ._map_page import MapPage
+from ._module import Functions
+from ._motion import later
+from ._page import Page, page_of
 
 MOST_DRAWN = 200_000  # points that a browser draws without a pause
 
@@ -77,25 +78,16 @@ class Live:
             page.orbit_points.data = {"x": np.arange(points.size), "y": points}
             return
         number = self.asked
-        page.orbit.title.text = page.plane.title.text = f"computing the orbit, {words}"
-        page.orbit_points.data = page.plane_points.data = {"x": [], "y": []}
+        page.motion.clear(f"computing the orbit, {words}")
         self._later("computing the orbit ...", lambda: self._orbit(number, words))
 
     def _orbit(self, number: int, words: str) -> None:
         if number != self.asked:
             return
         assert self.functions.orbit is not None
-        page = self.page
-        found = motion(
-            self.functions.orbit(**self.whole.point(self.x, self.choices)), self.whole.observable
-        )
-        page.orbit.title.text = f"orbit, {words}"
-        page.orbit.xaxis.axis_label, page.orbit.yaxis.axis_label = found.labels[:2]
-        page.orbit_points.data = {"x": found.t, "y": found.first}
-        page.plane.title.text = f"phase plane, {self.shown.about(self.x)}"
-        page.plane.xaxis.axis_label, page.plane.yaxis.axis_label = found.labels[1:]
-        if found.second is not None:
-            page.plane_points.data = {"x": found.first, "y": found.second}
+        found = self.functions.orbit(**self.whole.point(self.x, self.choices))
+        about = f"phase plane, {self.shown.about(self.x)}"
+        self.page.motion.show(found, self.whole.observable, f"orbit, {words}", about)
 
     def _on_drag(self, event: Any) -> None:
         if event.final and event.geometry.get("x0") is not None:
@@ -135,19 +127,7 @@ class Live:
         self.choose(self.x if inside or not middle.size else float(middle[middle.size // 2]))
 
     def _later(self, words: str, compute: Callable[[], None]) -> None:
-        """Say on the page what is done, then do it; an error is shown there and in the terminal."""
-
-        def work() -> None:
-            try:
-                compute()
-            except Exception as error:  # whatever the user's functions raise
-                traceback.print_exc(file=sys.stderr)
-                self.page.message.text = failure(error)
-            else:
-                self.page.message.text = ""
-
-        self.page.message.text = html.escape(words)
-        self.document.add_next_tick_callback(work)
+        later(self.document, self.page.message, words, compute)
 
 
 def columns_of(lanes: Lanes) -> dict[str, np.ndarray]:
@@ -164,22 +144,25 @@ def columns_of(lanes: Lanes) -> dict[str, np.ndarray]:
     }
 
 
-def start_server(diagram: Diagram, functions: Functions | None, port: int) -> Any:
+def start_server(shown: Diagram | Map, functions: Functions | None, port: int) -> Any:
     """A server of bokeh with the page, on this machine only, that answers once its loop runs."""
     from bokeh.server.server import Server
 
     def page(document: Any) -> None:
-        Live(diagram, functions, document)
+        if isinstance(shown, Map):
+            MapPage(shown, functions, document)
+        else:
+            Live(shown, functions, document)
 
     server: Any = Server(page, port=port, address="localhost")
     server.start()
     return server
 
 
-def serve(diagram: Diagram, functions: Functions | None, *, port: int, browser: bool) -> None:
+def serve(shown: Diagram | Map, functions: Functions | None, *, port: int, browser: bool) -> None:
     """The page at a port of this machine, until Ctrl-C. Errors: `OSError` for a port in use."""
-    server = start_server(diagram, functions, port)
-    print(f"{diagram.title}\nhttp://localhost:{server.port}/ (Ctrl-C ends it)", flush=True)
+    server = start_server(shown, functions, port)
+    print(f"{shown.title}\nhttp://localhost:{server.port}/ (Ctrl-C ends it)", flush=True)
     if browser:
         server.io_loop.add_callback(server.show, "/")
     try:

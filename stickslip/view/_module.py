@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from .._validation import check_callable, refusal
-from ._diagram import Diagram, axis_label
+from ._diagram import axis_label
 
 HAS = "a module with a function `orbit(**point)` or `diagram(**ranges)`"
 
@@ -31,8 +31,8 @@ class Motion(NamedTuple):
     labels: tuple[str, str, str]  # of the axes: time, first and second
 
 
-def import_functions(name: str, diagram: Diagram) -> Functions:
-    """The functions of a module, which must take the parameters of `diagram` by name.
+def import_functions(name: str, names: list[str]) -> Functions:
+    """The functions of a module, which must take the parameters of these names.
 
     Errors: `ValueError` or `TypeError` naming the module or its function.
     """
@@ -49,7 +49,6 @@ def import_functions(name: str, diagram: Diagram) -> Functions:
     found = Functions(getattr(module, "orbit", None), getattr(module, "diagram", None))
     if found == (None, None):
         raise refusal("with", name, HAS)
-    names = diagram.parameters
     for key, function in found._asdict().items():
         if function is not None:
             call = f"{key}({', '.join(f'{part}=...' for part in names)})"

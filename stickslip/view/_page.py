@@ -18,8 +18,8 @@ from bokeh.plotting import figure
 from bokeh.transform import linear_cmap
 
 from ._diagram import Diagram
+from ._motion import BAD, CHOSEN, GOOD, SIZE, MotionFigures, small
 
-GOOD, BAD, CHOSEN = "#1f4e9c", "#c0392b", "#b7791f"
 WORDS = "return words[value] === undefined ? String(value) : words[value].replaceAll('_', ' ')"
 
 
@@ -29,6 +29,7 @@ class Page(NamedTuple):
     diagram: Any  # figure
     drawn: Any  # its points: x, y, bad, status, period
     marker: Any  # where the chosen lane is
+    motion: MotionFigures
     orbit: Any  # figure of the points in order, or of the motion over time
     orbit_points: Any
     plane: Any  # figure of the phase plane
@@ -84,29 +85,19 @@ def page_of(diagram: Diagram, notes: list[str], *, motion: bool, drag: bool) -> 
         plot.toolbar.active_drag = region
     marker = Span(location=None, dimension="height", line_color=CHOSEN, line_width=1.5, name="marker")
     plot.add_layout(marker)
-    below = {
-        "height": 300,
-        "sizing_mode": "stretch_width",
-        "tools": "pan,wheel_zoom,box_zoom,reset,save",
-    }
-    orbit = figure(title="orbit", x_axis_label="number of the point", y_axis_label=name, **below)
-    orbit_points = ColumnDataSource({"x": [], "y": []}, name="orbit")
-    orbit.line("x", "y", source=orbit_points, color=GOOD, alpha=1.0 if motion else 0.3)
+    moved = MotionFigures(alpha=1.0 if motion else 0.3)
+    orbit, plane = moved.figures
+    orbit.xaxis.axis_label, orbit.yaxis.axis_label = "number of the point", name
     if not motion:
-        orbit.scatter("x", "y", source=orbit_points, color=GOOD, size=4)
-    plane = figure(title="phase plane", **below)
-    plane_points = ColumnDataSource({"x": [], "y": []}, name="plane")
-    plane.line("x", "y", source=plane_points, color=GOOD)
-    returns = figure(title="return map", **below)
+        orbit.scatter("x", "y", source=moved.orbit_points, color=GOOD, size=4)
+    returns = figure(title="return map", **SIZE)
     returns.xaxis.axis_label, returns.yaxis.axis_label = f"{name}, this point", "next point"
     return_points = ColumnDataSource({"x": [], "y": []}, name="returns")
     diagonal = ColumnDataSource({"x": [], "y": []}, name="diagonal")
     returns.line("x", "y", source=diagonal, color="#999999", line_dash="dashed")
     returns.scatter("x", "y", source=return_points, color=GOOD, size=4)
-    for part in (plot, orbit, plane, returns):
-        part.toolbar.logo = None
-        title: Any = part.title
-        title.text_font_size = "8pt"  # a third of the page holds parameter, period and status
+    for part in (plot, returns):
+        small(part)
     selects = [
         Select(
             title=key, value="0", options=[(str(i), _value(v)) for i, v in enumerate(values)], name=key
@@ -131,16 +122,10 @@ def page_of(diagram: Diagram, notes: list[str], *, motion: bool, drag: bool) -> 
         sizing_mode="stretch_width",
     )  # fmt: skip
     return Page(
-        plot, drawn, marker, orbit, orbit_points, plane, plane_points, returns, return_points, diagonal,
-        chosen, message, selects, back, root,
+        plot, drawn, marker, moved, orbit, moved.orbit_points, plane, moved.plane_points, returns,
+        return_points, diagonal, chosen, message, selects, back, root,
     )  # fmt: skip
 
 
 def _value(value: Any) -> str:
     return f"{value:.7g}" if isinstance(value, float) else str(value)
-
-
-def failure(error: BaseException) -> str:
-    """An error as the page shows it."""
-    text = html.escape(f"{type(error).__name__}: {error}")
-    return f'<span style="color: {BAD}">{text}</span>'

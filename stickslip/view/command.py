@@ -11,6 +11,7 @@ from .._paths import the_directory
 from .._validation import check_count, refusal
 from ..sweep import open_dataset
 from ._diagram import Diagram
+from ._map import Map, has_map
 from ._module import import_functions
 
 ALLOWED = "a netCDF file or the store of a sweep"
@@ -21,7 +22,7 @@ def main(arguments: list[str]) -> int:
     """Run the command; returns the exit status."""
     parser = argparse.ArgumentParser(
         prog="python -m stickslip view",
-        description="Show an orbit diagram in the browser: a click shows the orbit and the return map.",
+        description="Show an orbit diagram, or a map of basins, in the browser: a click shows one.",
         epilog="The page is on this machine only. With --html it is a file of its own, under 5 MB.",
     )
     parser.add_argument("path", metavar="STORE_OR_FILE", help="a netCDF file, or a sweep's store")
@@ -45,10 +46,11 @@ def main(arguments: list[str]) -> int:
     try:
         check_count("port", options.port, 0, 65535)
         target = None if options.html is None else _target(options.html)
-        diagram = Diagram(
-            open_stored(options.path), options.path, x=options.x, observable=options.observable
-        )
-        functions = None if options.module is None else import_functions(options.module, diagram)
+        shown = _shown(options)
+        if isinstance(shown, Map) and target is not None:
+            raise refusal("html", options.html, "absent for a map, which needs the server")
+        module = options.module
+        functions = None if module is None else import_functions(module, shown.parameters)
     except (ValueError, TypeError) as error:
         print(error, file=sys.stderr)
         return 2
@@ -56,7 +58,8 @@ def main(arguments: list[str]) -> int:
         from ._file import write_file
 
         try:
-            size = write_file(diagram, functions, target)
+            assert isinstance(shown, Diagram)
+            size = write_file(shown, functions, target)
         except ValueError as error:
             print(error, file=sys.stderr)
             return 2
@@ -65,11 +68,19 @@ def main(arguments: list[str]) -> int:
     from ._live import serve
 
     try:
-        serve(diagram, functions, port=options.port, browser=not options.no_browser)
+        serve(shown, functions, port=options.port, browser=not options.no_browser)
     except OSError as error:
         print(f"port = {options.port}: it must be one that is free ({error}).", file=sys.stderr)
         return 2
     return 0
+
+
+def _shown(options: argparse.Namespace) -> Diagram | Map:
+    """What the file holds."""
+    dataset = open_stored(options.path)
+    if has_map(dataset) and options.x is None and options.observable is None:
+        return Map(dataset, options.path)
+    return Diagram(dataset, options.path, x=options.x, observable=options.observable)
 
 
 def _target(text: str) -> pathlib.Path:

@@ -8,9 +8,11 @@ import pytest
 from stickslip.__main__ import main
 from stickslip.view._diagram import Diagram
 from stickslip.view._live import start_server
+from stickslip.view._map import Map
 from stickslip.view._module import import_functions
 from tests.stickslip.view import _chromium
 from tests.stickslip.view._made_up import A, diagram_of, sections_of
+from tests.stickslip.view._made_up_map import map_of
 
 pytest.importorskip("bokeh", reason="the viewer's extra is not installed")
 pytestmark = pytest.mark.skipif(_chromium.PROGRAM is None, reason="no Chromium on this machine")
@@ -21,6 +23,13 @@ READY = (
     + MODEL.format("drawn")
     + (" !== null && " + MODEL.format("drawn") + ".data.x.length > 0")
 )
+CELL = """(() => {{
+  for (const view of Bokeh.index.roots) {{
+    const found = [...view.owner.query((v) => v.model.type === 'Figure')][0]
+    const box = found.el.getBoundingClientRect(), frame = found.frame
+    return [box.x + frame.x_scale.compute({x}), box.y + frame.y_scale.compute({y})]
+  }}
+}})()"""
 # The place of a parameter in the window, by the scales of the page itself.
 PLACE = """(() => {{
   for (const view of Bokeh.index.roots) {{
@@ -99,7 +108,8 @@ def test_sections_are_chosen_on_the_page(tmp_path):
 
 async def ask(diagram):
     """What the server's page shows after a click, an orbit that fails, a dragged region, and back."""
-    server = start_server(diagram, import_functions("tests.stickslip.view._made_up", diagram), 0)
+    functions = import_functions("tests.stickslip.view._made_up", diagram.parameters)
+    server = start_server(diagram, functions, 0)
     try:
         async with _chromium.open_page(f"http://localhost:{server.port}/") as page:
             await page.until(READY)
@@ -127,3 +137,27 @@ def test_the_server_asks_the_users_functions(capsys):
     # As exact as a pointer is: a pixel is 0.001.
     np.testing.assert_allclose(region, np.linspace(1.2, 1.6, 5), atol=2e-3)
     assert "ArithmeticError" in capsys.readouterr().err
+
+
+async def walk(map):
+    """What the server's page of a map shows after a click, and the colours of its legend."""
+    functions = import_functions("tests.stickslip.view._made_up_map", map.parameters)
+    server = start_server(map, functions, 0)
+    try:
+        async with _chromium.open_page(f"http://localhost:{server.port}/") as page:
+            await page.until(READY.replace("drawn", "cells"))
+            await page.click(await page.evaluate(CELL.format(x=-0.68, y=0.6)))
+            await page.until(f"{MODEL.format('plane')}.data.x.length > 0")
+            circle = await column(page, "plane", "x"), await column(page, "plane")
+            text = await page.evaluate(f"{MODEL.format('chosen')}.text")
+            return circle, text, page.complaints
+    finally:
+        server.stop()
+        server.unlisten()
+
+
+def test_a_click_on_a_map_is_answered_from_its_cell():
+    circle, text, complaints = asyncio.run(walk(Map(map_of(), "made up")))
+    assert complaints == []
+    assert text.startswith("x = -0.7 m, v = 0.5 m/s: orbit 1")
+    np.testing.assert_allclose([circle[0][0], circle[1][0]], [-0.7, 0.5], rtol=1e-14)

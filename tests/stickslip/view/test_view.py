@@ -10,6 +10,7 @@ import xarray as xr
 from stickslip.__main__ import main
 from tests.stickslip.view import _alone
 from tests.stickslip.view._made_up import A, diagram_of, sections_of
+from tests.stickslip.view._made_up_map import V, X, map_of
 
 pytest.importorskip("bokeh", reason="the viewer's extra is not installed")
 from bokeh.document import Document
@@ -18,10 +19,13 @@ from bokeh.models import CustomJS
 from stickslip.view import _file
 from stickslip.view._diagram import Diagram
 from stickslip.view._live import Live
+from stickslip.view._map import Map, has_map
+from stickslip.view._map_page import MapPage
 from stickslip.view._module import import_functions
 from stickslip.view.command import open_stored
 
 MODULE, ALONE = "tests.stickslip.view._made_up", "tests.stickslip.view._alone"
+MAPPED = "tests.stickslip.view._made_up_map"
 
 
 def written(tmp_path, dataset=None):
@@ -34,7 +38,7 @@ def page(tmp_path, module=None):
     path = written(tmp_path)
     diagram = Diagram(open_stored(path), path)
     document = Document()
-    return Live(diagram, module and import_functions(module, diagram), document), document
+    return Live(diagram, module and import_functions(module, diagram.parameters), document), document
 
 
 def work(document):
@@ -114,7 +118,7 @@ def test_a_section_is_chosen_by_name_and_no_function_is_given_it(tmp_path):
     path = written(tmp_path, sections_of())
     diagram = Diagram(open_stored(path), path)
     document = Document()
-    live = Live(diagram, import_functions(ALONE, diagram), document)
+    live = Live(diagram, import_functions(ALONE, diagram.parameters), document)
     work(document)
     (select,) = live.page.selects
     assert [label for _, label in select.options] == ["top", "low"]
@@ -132,10 +136,60 @@ def test_a_section_is_chosen_by_name_and_no_function_is_given_it(tmp_path):
     np.testing.assert_array_equal(live.page.drawn.data["y"], top[np.isfinite(top)])
 
 
+def test_a_click_on_a_map_shows_the_motion_from_there(tmp_path, capsys):
+    path = written(tmp_path, map_of())
+    dataset = open_stored(path)
+    assert has_map(dataset)
+    document = Document()
+    shown = Map(dataset, path)
+    page = MapPage(shown, import_functions(MAPPED, shown.parameters), document)
+    truth = {(x, v): int(map_of().code.sel(x=x, v=v)) for x in X for v in V}
+    names = {-1: "not settled", 0: "orbit 1", 1: "fixed point 1"}
+    seen = page.cells.data
+    assert len(seen["x"]) == X.size * V.size
+    for x, v, word in zip(seen["x"], seen["y"], seen["word"], strict=True):
+        assert word == names[truth[x, v]]
+    page.choose(0.52, -0.6)
+    work(document)
+    assert page.chosen.text == "x = 0.5 m, v = -0.5 m/s: fixed point 1, time of entry [s] 4.5"
+    assert (page.marker.data["x"], page.marker.data["y"]) == ([pytest.approx(0.5)], [-0.5])
+    plane = page.motion.plane_points.data
+    np.testing.assert_allclose(np.hypot(plane["x"], plane["y"]), np.hypot(0.5, 0.5), rtol=1e-14)
+    assert (plane["x"][0], plane["y"][0]) == pytest.approx((0.5, -0.5))
+    page.choose(-5.0, 5.0)  # beside the map: the nearest cell
+    work(document)
+    assert page.chosen.text.startswith("x = -0.9 m, v = 1.5 m/s: orbit 1")
+    assert "ArithmeticError: no motion from v = 1.5 &lt;here&gt;" in page.message.text
+    assert "ArithmeticError" in capsys.readouterr().err
+    page.choose(-0.3, 0.0)  # two quick clicks: the first answer comes too late
+    page.choose(0.9, 0.5)
+    work(document)
+    assert page.motion.plane_points.data["x"][0] == pytest.approx(0.9)
+
+
+def test_a_map_without_a_module_says_what_each_cell_is():
+    page = MapPage(Map(map_of().transpose(), "made up"), None, Document())
+    page.choose(-0.5, 0.5)
+    assert page.chosen.text.startswith("v = -0.5 m/s, x = 0.5 m: fixed point 1")
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        (lambda m: m.assign_coords(x=X**3), "coordinate x grows evenly"),
+        (lambda m: m.isel(v=[0]), "coordinate v grows evenly"),
+        (lambda m: m.assign(code=m.code.copy(data=7 + m.code.values)), "a word for each"),
+    ],
+)
+def test_a_map_that_cannot_be_drawn_is_refused(wrong, message):
+    with pytest.raises(ValueError, match=message):
+        Map(wrong(map_of()), "made up")
+
+
 def test_a_file_keeps_one_orbit_for_all_sections(tmp_path):
     diagram = Diagram(sections_of(), "made up")
     _alone.ASKED.clear()
-    found = _file.orbits_of(diagram, import_functions(ALONE, diagram))
+    found = _file.orbits_of(diagram, import_functions(ALONE, diagram.parameters))
     assert [(orbit["slice"], orbit["x"]) for orbit in found] == [(i, a) for i in range(2) for a in A]
     assert _alone.ASKED == list(A)
 
@@ -147,7 +201,7 @@ def test_one_file_without_a_server(tmp_path, capsys):
     assert len(text) < _file.LARGEST
     assert not re.findall(r"""<(?:script|link|img|iframe)[^>]*(?:src|href)\s*=\s*["']http""", text)
     diagram = Diagram(diagram_of(), "made up")
-    found = _file.orbits_of(diagram, import_functions(MODULE, diagram))
+    found = _file.orbits_of(diagram, import_functions(MODULE, diagram.parameters))
     assert len(found) == 22
     assert [orbit["x"] for orbit in found if orbit["error"]] == pytest.approx([1.9, 2.0, 1.9, 2.0])
     capsys.readouterr()
@@ -211,7 +265,7 @@ def test_a_store_of_several_sections_has_their_names(tmp_path):
         (["absent.nc"], "path = 'absent.nc': it must be a netCDF file or the store of a sweep"),
         (["text"], "unreadable"),
         (["folder"], "has no manifest.json"),
-        (["flat"], "without a number over `point`; dimensions: seed (2), a (11)"),
+        (["flat"], "without a number over `point`; dimensions: a (11)"),
         (["words"], "with x over place and `point`, no parameter with numbers"),
         (["good", "--x", "b"], "x = 'b': it must be one of 'seed', 'a'"),
         (["good", "--observable", "y"], "observable = 'y': it must be one of 't', 'x'"),
@@ -222,12 +276,15 @@ def test_a_store_of_several_sections_has_their_names(tmp_path):
         (["good", "--port", "70000"], "port = 70000: it must be at most 65535"),
         (["good", "--html", "page.txt"], "html = 'page.txt': it must be the path of a file whose name"),
         (["good", "--html", "no/page.html"], "in a directory that is there"),
+        (["map", "--html", "page.html"], "html = 'page.html': it must be absent for a map"),
+        (["map", "--with", MODULE], "orbit(x=..., v=...)"),
     ],
 )
 def test_what_is_wrong_is_refused_by_name(options, message, tmp_path, capsys):
     made = {
         "good": diagram_of(),
-        "flat": diagram_of().drop_vars(["t", "x"]),
+        "flat": diagram_of().drop_vars(["t", "x"]).isel(seed=0),
+        "map": map_of(),
         "words": xr.Dataset({"x": (("place", "point"), np.ones((2, 3)))}, {"place": ["here", "there"]}),
     }
     first, *rest = options
