@@ -15,6 +15,7 @@ import matplotlib
 import pytest
 
 from tests._budget import Budget
+from tests._compiler import SETTINGS, xla_flags
 
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_rank_promotion", "raise")
@@ -23,12 +24,6 @@ jax.config.update("jax_numpy_dtype_promotion", "strict")
 matplotlib.use("agg")
 
 MOST_MAPS = 20_000
-PASSES_OVER_LOOPS = (
-    "simplify-while-loops",
-    "while-loop-constant-sinking",
-    "while-loop-invariant-code-motion",
-    "while-loop-trip-count-annotator",
-)
 
 # The same examples on every run, and no deadline: the first call of a jitted function compiles.
 hypothesis.settings.register_profile("reproducible", derandomize=True, deadline=None)
@@ -48,16 +43,9 @@ def pytest_configure(config: pytest.Config) -> None:
     config.pluginmanager.register(Budget(config), "budget")
     flags = ["--xla_force_host_platform_device_count=2"]
     if "not slow" in config.option.markexpr:
-        jax.config.update("jax_disable_most_optimizations", True)
-        jax.config.update("jax_traceback_in_locations_limit", 0)  # no line of source for each operation
-        # To ask how often a loop turns, these copy the module once for each loop and round: 40% of the
-        # time of the compiler, for programs that run once.
-        flags.append(f"--xla_disable_hlo_passes={','.join(PASSES_OVER_LOOPS)}")
-        if jax.version.__version_info__ < (0, 11):
-            # Newer compilers know only the emitters that take half of the time here.
-            flags.append("--xla_cpu_use_fusion_emitters=false")
-            # One module a program: cut into 32 for as many cores, each is optimised and linked apart.
-            flags.append("--xla_cpu_parallel_codegen_split_count=1")
+        for name, value in SETTINGS.items():
+            jax.config.update(name, value)
+        flags += xla_flags()
     # Tracing makes millions of small objects that live on; to look through them all again and again
     # takes a sixth of its time.
     gc.set_threshold(100_000, 20, 100)

@@ -12,10 +12,14 @@ import jupytext
 import nbformat
 from nbclient import NotebookClient
 
+from tests._compiler import SETTINGS, xla_flags
+
 FOLDER = Path(__file__).parents[1]
 ROOT = FOLDER.parent
 PACKAGES = ("stickslip", "corexy_jax", "experiments")
 _QUICK = {"NOTEBOOK_QUICK": "1", "STICKSLIP_EXECUTOR": "portable"}
+_CHEAP = {name.upper(): str(int(value)) for name, value in SETTINGS.items()}
+_CHEAP["XLA_FLAGS"] = " ".join(xla_flags())
 
 
 def read(text: str) -> nbformat.NotebookNode:
@@ -39,7 +43,7 @@ def execute(script: Path, *, quick: bool) -> nbformat.NotebookNode:
     print(f"{script.name}: executing at {size} size ...", flush=True)
     begin = time.monotonic()
     environment = {k: v for k, v in os.environ.items() if k not in _QUICK}
-    environment |= {"PYTHONPATH": str(ROOT)} | (_QUICK if quick else {})
+    environment |= {"PYTHONPATH": str(ROOT)} | (_QUICK | _CHEAP if quick else {})
     client = NotebookClient(notebook, timeout=None, resources={"metadata": {"path": str(FOLDER)}})
     # The kernel's own log; errors of the notebook are raised here.
     client.execute(env=environment, stderr=subprocess.DEVNULL)
