@@ -5,7 +5,7 @@ import pathlib
 import numpy as np
 import xarray as xr
 
-from .._validation import refusal
+from .._validation import check_in, refusal
 from ._diagram import axis_label, meanings
 
 
@@ -25,14 +25,15 @@ def _codes(dataset: xr.Dataset) -> list[str]:
 
 
 class Map:
-    """The first code over two coordinates, and what else is stored of the same cells.
+    """A code over two coordinates, the first if none is named, and what else is stored of its cells.
 
     - `parameters`: the coordinates, that across first; `x`, `y`: middles of the cells.
     - `words`, `number[y, x]`: of each cell, the place of its word; `beside`: further numbers by name.
     """
 
-    def __init__(self, dataset: xr.Dataset, name: str):
-        self.code = _codes(dataset)[0]
+    def __init__(self, dataset: xr.Dataset, name: str, code: str | None = None):
+        found = _codes(dataset)
+        self.code = found[0] if code is None else check_in("observable", code, found)
         self.parameters = [str(dim) for dim in dataset[self.code].dims]
         self.title = str(dataset.attrs.get("title", dataset.attrs.get("name", pathlib.Path(name).name)))
         across, up = self.parameters

@@ -28,7 +28,9 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("path", metavar="STORE_OR_FILE", help="a netCDF file, or a sweep's store")
     parser.add_argument("--x", metavar="NAME", help="the parameter drawn across (default: the longest)")
     parser.add_argument(
-        "--observable", metavar="NAME", help="the observable that is drawn over it (default: the first)"
+        "--observable",
+        metavar="NAME",
+        help="the observable drawn over it, or the code of a map (default: the first)",
     )
     parser.add_argument(
         "--with", dest="module", metavar="MODULE",
@@ -78,8 +80,8 @@ def main(arguments: list[str]) -> int:
 def _shown(options: argparse.Namespace) -> Diagram | Map:
     """What the file holds."""
     dataset = open_stored(options.path)
-    if has_map(dataset) and options.x is None and options.observable is None:
-        return Map(dataset, options.path)
+    if has_map(dataset) and options.x is None:
+        return Map(dataset, options.path, options.observable)
     return Diagram(dataset, options.path, x=options.x, observable=options.observable)
 
 

@@ -278,6 +278,7 @@ def test_a_store_of_several_sections_has_their_names(tmp_path):
         (["good", "--html", "no/page.html"], "in a directory that is there"),
         (["map", "--html", "page.html"], "html = 'page.html': it must be absent for a map"),
         (["map", "--with", MODULE], "orbit(x=..., v=...)"),
+        (["map", "--observable", "entry"], "observable = 'entry': it must be one of 'code'"),
     ],
 )
 def test_what_is_wrong_is_refused_by_name(options, message, tmp_path, capsys):
