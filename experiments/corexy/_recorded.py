@@ -12,7 +12,7 @@ from stickslip.plot import Movie
 from .._experiment import Context, Experiment
 from .._settings import refused
 from ._film import film
-from ._log import ANGLES, PLACES, SPEEDS, read_columns, times_of
+from ._log import ANGLES, PLACES, SPEEDS, machine_told, read_columns, read_machine, times_of
 from ._machine import BELTS
 
 
@@ -32,7 +32,10 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
     if turned is None and (speeds := _both(found, SPEEDS)) is not None:
         steps = 0.5 * (speeds[1:] + speeds[:-1]) * np.diff(times)[:, None]
         turned = np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
-    place, rims = _both(found, PLACES), None if turned is None else parameters["r"] * turned
+    radius = float(read_machine(parameters["machine"]).r)
+    if turned is not None:
+        print(machine_told(parameters["machine"]))
+    place, rims = _both(found, PLACES), None if turned is None else radius * turned
     if place is None and rims is None:
         raise ValueError(
             f"--data {path}: it must have the columns x and y, or theta_1 and theta_2, or omega_1 and "
@@ -94,7 +97,8 @@ RECORDED = Experiment(
     name="animate-corexy",
     title="CoreXY: an animation of a log of your own",
     parameters={
-        "columns": "", "units": "", "counts_per_turn": 0.0, "r": 0.05, "speed": 1.0, "per_second": 20,
+        "columns": "", "units": "", "counts_per_turn": 0.0, "machine": "", "speed": 1.0,
+        "per_second": 20,
     },
     quick={},
     compute=compute,
