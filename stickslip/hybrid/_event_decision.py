@@ -96,12 +96,9 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
         bend = is_guard and functions.is_bend(i)
         if bend:
             # A margin held by an outcome still moves beyond the border of that alone, which is met
-            # first. While that is located a margin of 0 would be lower than what is just above it.
+            # first.
             held = (rate == 0) & (rate0 == 0) & (lane.h > 0) & (value0 >= 0)
-            later = stop_gradient(value) < 2.0 * STALE
-            if functions.count > 1:
-                later = later | (~free & (lane.bracket.beyond != i))
-            value = jnp.where(held & later, ACCURACY.far, value)
+            value = jnp.where(held & (stop_gradient(value) < 2.0 * STALE), ACCURACY.far, value)
         if plan.detect_dips:
             dips, place = _locate.dip(value0, rate0, stop_gradient(value), rate, lane.h)
             sooner = dips & (place < best.h_dip)

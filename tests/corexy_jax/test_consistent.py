@@ -73,6 +73,7 @@ def test_orientation_numbers():
     assert np.abs(three[:, 1]).max() == pytest.approx(29.0, abs=0.05)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("number", [1, 2, 3])
 def test_energy_is_accounted_for(number):
     found = solution(number)
@@ -85,6 +86,7 @@ def test_energy_is_accounted_for(number):
     assert int(found.flags) == 0
 
 
+@pytest.mark.more
 def test_converges_with_the_tolerance():
     ends = [columns(solution(1, tolerance))[0] for tolerance in (1e-12, 1e-6, 1e-8, 1e-10)]
     scale = np.max(np.abs(ends[0]), axis=0)
@@ -164,6 +166,7 @@ def test_scaling_all_forces_and_masses_changes_nothing():
     np.testing.assert_allclose(other.ledger.friction, 2 * solution(1).ledger.friction, atol=1e-6)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("seed", range(6))
 def test_invariants_of_any_machine(seed):
     """Machines and inputs at random: energy, no contact against its friction, a belt only loses."""

@@ -55,6 +55,7 @@ def test_the_collar_follows_the_path_with_both_motors_rolling(volts):
         np.testing.assert_allclose(made.at(t), place, atol=1e-14)
 
 
+@pytest.mark.more
 def test_the_limits_are_kept_and_reached():
     found, made = check().solution, plan()
     # Of a line along which all contacts slide the forces are told; the last leg is one.
@@ -107,6 +108,7 @@ def test_it_is_the_shortest_time():
         assert best * (1.0 - 1e-9) < starts[leg] < best * 1.004, leg
 
 
+@pytest.mark.more
 def test_just_weaker_belts_slip():
     made = plan(margin=0.999)
     held = cx.check_rolling(made, cx.with_values(MACHINE, {"mu_1s_b": 2.998, "mu_2s_b": 2.998}))
@@ -117,6 +119,7 @@ def test_just_weaker_belts_slip():
     assert 0.0 < slipped.first_slip[0] < made.leg_times[1]
 
 
+@pytest.mark.more
 def test_wrong_tensions_slip_unless_the_plan_knows_of_them():
     loose = cx.with_values(MACHINE, {"P1": 14.0, "P2": 21.0})
     found = cx.check_rolling(plan(), loose)

@@ -69,6 +69,7 @@ def test_printed_belt_reaction_creates_energy():
     assert net[False] > net[True] + 500
 
 
+@pytest.mark.more
 def test_first_step_as_printed_by_hand():
     """Scenario 2 at t = 0: v = (0, 10) V at rest, Eqs. (28)-(30), (38)-(40), (74)-(82) by hand."""
     torque = 2.0 / 0.9 * 10.0

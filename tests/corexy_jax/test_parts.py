@@ -100,6 +100,7 @@ def test_harmonic_and_square_wave():
     np.testing.assert_array_equal(jax.vmap(wave.piece_of)(ends + 1e-9), piece + 1)
 
 
+@pytest.mark.more
 def test_a_constant_voltage_is_a_table_of_it():
     """The run is that under the same voltages held from row to row."""
     p = cx.CoreXYParameters()

@@ -177,6 +177,7 @@ def test_all_parameters_are_of_the_kind_that_is_allowed():
             _settings.check(values, {key: str(value) for key, value in values.items()})
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(
     "record", ["[]", "{}", "3", '{"statements": [{"id": "x"}]}', '{"statements": 3}', "{", "null",
                '{"name": "a", "quick": false, "statements": [{"id": "B1", "claim": "c",'

@@ -105,6 +105,7 @@ def run(experiment, *changes, data=None):
     return experiment.compute(chosen(experiment, False, list(changes)), Context(None, data=data))
 
 
+@pytest.mark.more
 def test_a_plan_is_a_table_that_gives_its_voltages_back(tmp_path, capsys):
     points = tmp_path / "points.csv"
     points.write_text("# mm\nx,y\n0,0\n200,0\n200,100\n")
@@ -159,6 +160,11 @@ def test_a_log_moves_as_its_encoders_say(tmp_path):
             (data.belts[:, 1], x - y),
         ):
             np.testing.assert_allclose(found, wanted, atol=1e-12)
+    machine = tmp_path / "machine.json"
+    machine.write_text('{"r": 0.1}')
+    log[["time", "theta_1", "theta_2"]].to_csv(path, index=False)
+    twice = run(RECORDED, f"machine={machine}", data=path)
+    np.testing.assert_allclose(twice.x, 2.0 * x, atol=1e-12)
     movie = film_of_log(data)
     assert movie.frames == 21
     movie.update(20)

@@ -79,6 +79,7 @@ def cell():
     return module.__dict__
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("name", ["helper", "deeper", "jitted", "kept", "Held", "even", "odd"])
 @pytest.mark.parametrize("edit", ["K = 2.0", "K = 1", OTHER_HELPER])
 def test_an_edit_of_what_is_reached_changes_the_key(cell, name, edit):
@@ -193,6 +194,7 @@ class Body(AbstractMechanism):
 """
 
 
+@pytest.mark.more
 def test_an_edited_helper_function_of_a_mechanism_is_used(compiled):
     names = {"jax": jax, "AbstractMechanism": AbstractMechanism, "ClassVar": ClassVar}
     cell: dict[str, Any] = {**names, "__name__": "__main__"}
@@ -302,6 +304,7 @@ def test_a_function_that_is_written_again_has_the_program_of_the_first():
     assert first_alike(elsewhere["alike"]) is elsewhere["alike"]
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("where", ["function", "class"])
 @pytest.mark.parametrize("outer", [jax.jit, lambda f: f], ids=["jit", "plain"])
 def test_a_derivative_by_a_number_that_is_closed_over_is_refused(where, outer):

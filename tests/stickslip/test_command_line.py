@@ -86,6 +86,7 @@ def test_a_reader_that_has_seen_enough_is_no_error():
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.more
 def test_a_name_is_found_without_importing_what_cannot_have_it():
     """Every public name, in the files of the packages as in the packages."""
     for package in PACKAGES:

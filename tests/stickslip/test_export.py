@@ -55,6 +55,7 @@ def test_results_are_those_of_the_function_by_name(path):
     np.testing.assert_allclose(slope, np.sum(3.0 * np.asarray(place.y)), rtol=1e-15)
 
 
+@pytest.mark.more
 def test_a_motion_from_another_process_and_directory_has_the_same_digits(tmp_path):
     path = ss.export(run, (0.5, 0.2), tmp_path / "run.zip")
     (tmp_path / "elsewhere").mkdir()

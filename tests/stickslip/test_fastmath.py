@@ -97,6 +97,7 @@ def test_side_of():
     np.testing.assert_array_equal(fast.side_of(jnp.array([-2.0, -0.0, 0.0, 3.0])), [-1, 1, 1, 1])
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("exponent", [0.5, 1.0, 1.5, 2.0, 3.0])
 @pytest.mark.parametrize("odd", [False, True])
 def test_power_and_its_derivatives(exponent, odd):

@@ -25,6 +25,7 @@ def test_heavy_modules_come_when_they_are_used():
     assert loaded.isdisjoint(HEAVY)
 
 
+@pytest.mark.more
 def test_a_sweep_is_there_although_it_comes_later():
     loaded = loaded_by("import stickslip; stickslip.sweep.run_sweep")
     assert "xarray" in loaded

@@ -120,6 +120,7 @@ def test_a_class_of_ones_own():
     assert "&lt;b&gt;" in Spring(1.0, "<b>")._repr_html_()
 
 
+@pytest.mark.more
 def test_outcomes_in_words(one):
     assert str(ss.RESULTS.successful) == "successful"
     assert repr(ss.RESULTS.chattering) == "RESULTS.chattering"
@@ -151,6 +152,7 @@ def test_solutions(one):
     assert one.events._repr_html_().count("<tr>") == 7
 
 
+@pytest.mark.more
 def test_spectra_and_fits(one):
     local = jnp.asarray([[1.0, -jnp.inf], [3.0, -jnp.inf]])
     found = LyapunovSpectrum(

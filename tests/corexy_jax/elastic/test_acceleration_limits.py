@@ -89,6 +89,7 @@ def swing(rows):
     return 0.5 * np.ptp(rows)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(("name", "mass"), [("x", M_X), ("y", M_Y)])
 def test_the_head_rings_by_the_tolerance(name, mass):
     """In the middle of the frame one mode rings; a shaper at another frequency leaves what is known."""
@@ -132,6 +133,7 @@ def test_several_modes_ring_by_no_more(kind):
     assert 0.95 * has < holding / R * np.max(np.abs(behind[:, 2:])) < has
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(("name", "mass"), [("x", M_X), ("y", M_Y)])
 def test_spans_become_slack_beyond_the_limit(name, mass):
     """The shorter span of the looser belt, three times as short as the other: one way only."""

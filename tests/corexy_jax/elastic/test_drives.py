@@ -118,6 +118,7 @@ def test_pull_out_is_the_greatest_of_the_phasors():
     assert float(weak.pull_out(4.0 / K)) == 0.0
 
 
+@pytest.mark.more
 def test_a_limited_voltage_takes_its_torque_and_sets_the_margin():
     p, speed = cx.CoreXYParameters(J=5.5e-6), 150.0
     K, Z = 0.28 / 1.7, np.hypot(1.5, N * 2.8e-3 * speed)
@@ -132,6 +133,7 @@ def test_a_limited_voltage_takes_its_torque_and_sets_the_margin():
     assert float(other) == pytest.approx(1.0 - 45.0 / (0.5 * np.pi / N))
 
 
+@pytest.mark.more
 def test_losses_of_four_steps_are_events_of_a_run():
     stepper = Stepper(Still(vx=90.0 * R), T_M, R, damping=0.05)
     system = ss.WithBreaks(Rotors(P, stepper, 1.0), [0.25])
@@ -193,6 +195,7 @@ def test_a_servo_drive_is_the_linear_loop_that_samples():
         np.testing.assert_allclose(getattr(motion.outputs.y.y, name), truth[:, i], atol=1e-5 * scale)
 
 
+@pytest.mark.more
 def test_microsteps_are_the_path_rounded():
     path = trajectory(
         [[0.0, 0.0], [0.013, 0.004], [0.01, -0.003]], 0.1, acceleration=3.0, corner_speed=5e-3
@@ -224,6 +227,7 @@ def test_microsteps_are_the_path_rounded():
         microsteps(lambda t, args: ((jnp.sin(t), 0.0 * t), (0.0, 0.0)), [0.0, 3.0], 0.006)
 
 
+@pytest.mark.more
 def test_a_motor_in_full_steps_rests_at_the_nearest():
     path = trajectory([[0.0, 0.0], [0.013, 0.002]], 0.1, acceleration=3.0, corner_speed=5e-3)
     found = microsteps(path, path.breaks(), R, division=1)

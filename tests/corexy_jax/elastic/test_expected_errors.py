@@ -80,6 +80,7 @@ def test_errors_are_those_of_a_machine_of_its_own():
     assert found["retardation"] > 0.999 * expected[2]
 
 
+@pytest.mark.more
 def test_sweeps_that_mirror_each_other_tell_the_same():
     printer = desktop_printer()
     p = cx.with_values(printer.parameters, {"mu_s": 0.015, "mu_k": 0.015})

@@ -74,6 +74,7 @@ def reference(path, belts, mu, h, steps):
     return found.y[4:6].T
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(
     ("mu", "within"), [(0.0, 1e-3), pytest.param(0.015, 0.02, marks=pytest.mark.more)]
 )

@@ -41,6 +41,7 @@ def test_frequencies_are_those_of_the_determinant():
     np.testing.assert_allclose(held, [0.0, 0.0, *(np.sqrt(rates) / (2 * np.pi))], rtol=1e-12)
 
 
+@pytest.mark.more
 def test_small_motions_of_the_declaration_have_these_frequencies():
     p, odd = cx.CoreXYParameters(**FRICTIONLESS), Belts(Frame(0.3, 0.5, 0.1, 0.2), 2e4, 5e4)
     machine = ElasticCoreXY(p, odd)
@@ -56,6 +57,7 @@ def test_small_motions_of_the_declaration_have_these_frequencies():
     np.testing.assert_allclose(found, resonances(p, odd, 0.05, 0.1).frequencies[2:], rtol=1e-10)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("speed", [0.02, 0.4])
 def test_energy_stays_without_friction_and_through_slack(speed):
     p, k = cx.CoreXYParameters(**FRICTIONLESS), belts(1e5)
@@ -75,6 +77,7 @@ def sines(t, args):
     return one, 0.5 * one
 
 
+@pytest.mark.more
 def test_stiff_belts_are_the_machine_that_rolls():
     """All friction included; the difference is of first order in 1/EA."""
     p = cx.CoreXYParameters(mu_s=0.1, mu_1s_b=1e3, mu_2s_b=1e3)
@@ -88,6 +91,7 @@ def test_stiff_belts_are_the_machine_that_rolls():
     assert np.all(np.array(off[0]) > 8.0 * np.array(off[1]))
 
 
+@pytest.mark.more
 def test_a_stepper_lags_by_its_load_and_falls_out_of_step_beyond():
     """At rest under a torque, running under its damping, and faster than it can."""
     p, k, r = cx.CoreXYParameters(**FRICTIONLESS), belts(1e5, 1e-3, 8.0), 0.05

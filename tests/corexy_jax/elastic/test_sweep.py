@@ -77,6 +77,7 @@ def tone(seed, samples, rate, noise):
     return T, L, f, t, wave(p) + noise * rng.normal(size=samples), bound
 
 
+@pytest.mark.more
 def test_a_pluck_tells_the_tension():
     z = []
     for seed in range(3):

@@ -39,6 +39,7 @@ def verdict(points, size=64, span=None, **options):
 CYCLES = [(2.8, 1), (3.3, 2), (3.5, 4), (3.55, 8), (3.566, 16), (3.84, 3)]
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(("a", "period"), CYCLES)
 @pytest.mark.parametrize("count", [40, 64])
 def test_period_of_the_logistic_map(a, period, count):
@@ -148,6 +149,7 @@ def beside_a_constant(scale, offset, rng):
 EXTRAS = [alone, beside_one_that_vanishes, beside_a_constant]
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("extra", EXTRAS)
 def test_size_and_origin_do_not_matter(extra):
     found, expected = sweep(extra)

@@ -37,6 +37,7 @@ def history():
     )
 
 
+@pytest.mark.more
 def test_history_is_the_motion(history):
     from tests.stickslip.hybrid._systems import stick_slip_motion
 
@@ -79,6 +80,7 @@ def test_ledger_of_a_cycle():
     assert ledger.power_belt.units == "W"
 
 
+@pytest.mark.more
 def test_a_ledger_after_a_transient_is_the_rest_of_the_ledger():
     t = np.linspace(4.0, 9.0, 26)
     start = Motion(0.0, 0.2)

@@ -63,6 +63,7 @@ def agree(value, exact, error, at_most):
 # Smooth flows
 
 
+@pytest.mark.more
 def test_linear_flow_has_the_real_parts_of_its_eigenvalues():
     matrix = np.array([[-0.3, 0.8, 0.1], [-0.9, -0.1, 0.0], [0.3, 0.2, -1.1]])
     zero = jnp.asarray(0.0)
@@ -73,6 +74,7 @@ def test_linear_flow_has_the_real_parts_of_its_eigenvalues():
     np.testing.assert_allclose(found.sum, np.trace(matrix), atol=1e-6)
 
 
+@pytest.mark.more
 def test_fixed_point_of_lorenz():
     """Below rho = 1 the origin attracts: its eigenvalues."""
     found = smooth_spectrum(lorenz(0.5), Point(0.1, 0.2, 0.3))
@@ -91,6 +93,7 @@ def test_limit_cycle_has_zero_and_its_floquet_exponent():
     assert float(found.running[-1, 0]) == pytest.approx(float(found.exponents[0]), abs=1e-12)
 
 
+@pytest.mark.more
 def test_lorenz():
     """Sprott 2003: 0.9056, 0, -14.572, dimension 2.062; the sum is the divergence -41/3."""
     found = smooth_spectrum(lorenz(), Point(1.0, 1.0, 20.0))
@@ -101,6 +104,7 @@ def test_lorenz():
     assert bool(found.result == ss.RESULTS.successful)
 
 
+@pytest.mark.more
 def test_two_trajectories_of_a_linear_flow():
     """Eq. (2.25), with and without bringing the motions together again: the slowest decay, -0.2."""
     flow = Flow(jnp.diag(jnp.array([-0.2, -1.0, -2.0])), jnp.asarray(0.0), jnp.asarray(0.0))
@@ -144,6 +148,7 @@ def test_segments_of_several_iterations():
     assert float(found.t1) == 10 + 6 + 3 * (20 + 2)
 
 
+@pytest.mark.more
 def test_growth_of_volume_after_a_transient():
     """The damper takes 0.1 / s of the volume, wherever the average begins."""
     system = OscillatorBetweenStops(

@@ -176,6 +176,7 @@ def test_two_motions_that_merge_saturate_or_fail():
     assert two(lorenz(), Point(1.0, 1.0, 20.0), integrator=few).words == "failed"
 
 
+@pytest.mark.more
 def test_rounding_is_no_distance():
     """A rotation about a place 1e6 away: a distance of 1e-9 is what rounding makes of it."""
     turning = Flow(jnp.array([[0.0, -1.0, 1e6], [1.0, 0.0, -1e6], [0.0, 0.0, 0.0]]), ZERO, ZERO)

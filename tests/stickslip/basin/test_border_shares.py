@@ -58,6 +58,7 @@ def share_of_the_right_well(damping):
     return np.trapezoid(widths, rows) / 16.0
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("damping", [0.3, pytest.param(0.1, marks=pytest.mark.slow)])
 def test_shares_of_two_wells_are_those_of_the_saddles_manifold(damping, compiled):
     system, settle = Wells(damping, TILT), Settle(40.0 / damping)
@@ -100,6 +101,7 @@ def test_a_basin_inside_of_the_box_is_that_inside_of_the_orbit():
     assert found[0]["fixed point 1"] == pytest.approx(2.0 * found[1]["fixed point 1"], rel=1e-9)
 
 
+@pytest.mark.more
 def test_what_is_no_plane_is_named():
     system, settle = Wells(), Settle(100.0)
     line = basins(system, system.state(v_x=0.0), {"x": (-2.0, 2.0)}, settle, points=8)

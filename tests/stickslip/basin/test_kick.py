@@ -23,6 +23,7 @@ def wells():
     return basins(Wells(), Wells().state(), SQUARE, Settle(100.0), points=(8, 8))
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(
     "by", [pytest.param({"x": 1.0, "v_x": 1.0}, marks=pytest.mark.more), {"x": 0.2, "v_x": 1.0}]
 )
@@ -37,6 +38,7 @@ def test_the_smallest_kick_leads_to_the_nearest_place_of_the_border(wells, by):
     assert abs(float(found.y.x) - 1.0 - found.change["x"]) < 1e-15
 
 
+@pytest.mark.more
 def test_a_kick_of_the_speed_alone(wells):
     found = smallest_kick(Wells(), wells, Wells().state(x=1.0), {"v_x": 1.0}, Settle(100.0))
     curves = saddle_border()
@@ -94,6 +96,7 @@ def test_a_kick_that_ends_in_a_rest_that_the_map_has_not_found():
         assert all(abs(end - x) < 0.5 for end in ends)
 
 
+@pytest.mark.more
 def test_kicks_that_change_nothing_and_wrong_arguments(wells):
     small = wells._replace(box={"x": (0.9, 1.1), "v_x": (-0.1, 0.1)})
     with pytest.raises(ValueError, match="none was found"):

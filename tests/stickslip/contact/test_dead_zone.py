@@ -76,6 +76,7 @@ def test_plane_equals_enumeration_for_corexy_directions():
     assert len(regimes) == 1 + 2 * 4 + 2 * 4
 
 
+@pytest.mark.more
 def test_plane_borders_of_regimes():
     """Loads on every border, exactly and one rounding off: continuous to rounding."""
     M = np.array([[2.0, 0.8], [0.8, 1.5]])

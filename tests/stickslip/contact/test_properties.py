@@ -50,6 +50,7 @@ def test_power_is_balanced(problem):
     assert abs(a @ M @ a - supplied + dissipated) <= 1e-13 * (1 + 2 * problem.energy)
 
 
+@pytest.mark.more
 @given(problems())
 def test_friction_opposes_motion_within_its_limit(problem):
     found = SOLVE(*problem)

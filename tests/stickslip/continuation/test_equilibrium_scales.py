@@ -222,6 +222,7 @@ def test_what_a_step_meets_exactly_is_found_once(rates, label):
     assert [label for label, _ in found] == ["HB", "EP"]
 
 
+@pytest.mark.more
 def test_starts_at_and_near_a_fold():
     for a, y in ((0.0, 0.0), (-1e-8, 1e-4), (-1e-16, 1e-8)):
         found, _ = followed(lambda y, a: (a + y[0] ** 2,), [y], a, (-1.0, 1.0), ONE)
@@ -236,6 +237,7 @@ def test_starts_at_and_near_a_fold():
     )  # fmt: skip
 
 
+@pytest.mark.more
 def test_branches_without_special_points():
     flat, _ = followed(lambda y, a: (2.0 - y[0],), [2.0], 0.0, (-1.0, 1.0), ONE)
     parabola, _ = followed(lambda y, a: (a**2 - y[0],), [0.0], 0.0, (-1.0, 1.0), ONE)
@@ -246,6 +248,7 @@ def test_branches_without_special_points():
         assert [label for label, _ in found] == ["EP", "EP"]
 
 
+@pytest.mark.more
 def test_what_is_not_located_has_a_question_mark():
     """At $x = 1$ the field is 0/0, where $p = x(1 - x)^2$ turns."""
     for scale in (ONE, Scale([2e-6, 0.2], 1e-5)):

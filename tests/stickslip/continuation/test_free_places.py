@@ -52,6 +52,7 @@ def test_the_place_is_that_of_the_guess(sled):
     assert str(found).endswith("place free along x")
 
 
+@pytest.mark.more
 def test_a_drift_is_said_and_a_spring_is_seen(sled):
     found = sled(2.0, 0.6, 0.0)
     assert float(found.drift.x) == pytest.approx(TURN * 0.6 / DAMPING, abs=1e-10)

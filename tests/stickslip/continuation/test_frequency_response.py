@@ -62,6 +62,7 @@ def test_a_linear_oscillator_is_its_transfer_function():
     np.testing.assert_allclose(np.abs(found.multipliers), decay, rtol=1e-10)
 
 
+@pytest.mark.more
 def test_in_any_units():
     """The same in units of a hundred millionth, and in those a hundred million times as large."""
     for size, time in ((1e-8, 1e-3), (1e8, 1e4)):
@@ -151,6 +152,7 @@ def test_every_point_is_in_closed_form(jenkins):
     np.testing.assert_allclose(force - dashpot, loop, rtol=1e-3, atol=1e-6)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("unit", [1.0, 1e-9])
 def test_a_slider_that_never_moves_has_the_size_of_what_does(unit):
     """In nanometres as in metres: its place is one multiplier, the others are those of the mass."""

@@ -52,6 +52,7 @@ def test_block_on_a_belt(leine):
     assert float(leine.highest.v) == pytest.approx(0.2, abs=1e-12)
 
 
+@pytest.mark.more
 def test_stick_takes_one_direction_exactly(leine):
     assert np.asarray(leine.multipliers).tolist() == [0.0]
     assert float(leine.trivial) == pytest.approx(1.0, abs=1e-10)

@@ -100,6 +100,7 @@ def test_turns_may_be_given():
         periodic_orbit(system, OrbitGuess(start, 2 * TURN, turns={"x": 0.5}), forced=True)
 
 
+@pytest.mark.more
 def test_what_is_no_angle_does_not_return_after_a_turn():
     """A shift by the declared period changes the pull of the spring."""
     guess = OrbitGuess(Motion(1.4, 1.0), TURN, turns={"x": 1})

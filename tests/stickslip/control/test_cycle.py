@@ -27,6 +27,7 @@ def test_the_continuous_cycle_is_that_of_the_closed_form():
     assert lasts[-1] == pytest.approx(9.16905192648, abs=1e-10)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("late", [False, pytest.param(True, marks=pytest.mark.more)])
 def test_a_forced_orbit_repeats_whole_samples(late):
     """The axis follows a sine of 100 samples; the orbit is where a long run ends."""
@@ -54,6 +55,7 @@ def test_a_forced_orbit_repeats_whole_samples(late):
     assert float(orbit.monodromy[0, 0]) == pytest.approx(float(slope), rel=1e-5)
 
 
+@pytest.mark.more
 def test_a_map_of_hunting():
     """Static friction above the kinetic one hunts, with integral action; without either it rests."""
     ki, static = np.meshgrid([0.0, 50.0, 200.0, 700.0], [1.0, 1.5])

@@ -55,6 +55,7 @@ def test_pid_with_a_limit(tracking):
     assert np.max(np.abs(found)) == 1.5
 
 
+@pytest.mark.more
 def test_without_anti_windup_a_limit_would_overshoot():
     ends = []
     for tracking_time in (None, 0.1, 1e9):
@@ -80,6 +81,7 @@ def test_cascade():
     assert np.allclose(outputs_of(cascade), expected, atol=1e-13)
 
 
+@pytest.mark.more
 def test_a_reset_integrator_rests_where_a_pid_hunts():
     pid = PID(50.0, 200.0, 10.0, period=T)
     moves = []
@@ -99,6 +101,7 @@ def test_a_reset_integrator_rests_where_a_pid_hunts():
     assert np.allclose(outputs_of(reset), expected, atol=1e-13)
 
 
+@pytest.mark.more
 def test_friction_added_along_the_reference_and_by_the_measured_speed():
     """Behind the reference the axis has 1 N of friction less to overcome; by its own speed it has no
     push at rest: 1.2 N of static friction hold it."""
@@ -142,6 +145,7 @@ def test_a_disturbance_observer_takes_a_force_away():
     assert float(ends[1].state.output) == pytest.approx(-3.0, abs=1e-5)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("damping", [0.0, 0.2])
 def test_a_shaped_reference_leaves_no_vibration(damping):
     """A mass behind a spring whose end jumps: at rest for good as soon as the reference is."""

@@ -46,6 +46,7 @@ def reference(row, delay, late, rounds):
     return loop.run(SAMPLES, x)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(
     ("period", "reading", "x", "total"),
     [
@@ -73,6 +74,19 @@ def test_the_numbers_of_the_closed_form(period, reading, x, total):
     assert again[3] == 2
 
 
+def test_slopes_of_one_random_loop():
+    """By gains, sample time, friction, beginning and latency; fifty of them below."""
+    row = drawn(50, seed=3)[0]
+    found = jax.jit(jax.jacfwd(lambda row: end_of(row, 1, True, rounds=False).y1.y.x))(row)
+    for j in range(7):
+        moved = [row.copy(), row.copy()]
+        h = 1e-6 * max(abs(row[j]), 1e-2)
+        moved[0][j], moved[1][j] = row[j] - h, row[j] + h
+        low, high = (reference(one, 1, True, rounds=False) for one in moved)
+        assert low[3] == high[3]
+        assert float(found[j]) == pytest.approx((high[0] - low[0]) / (2 * h), rel=1e-6, abs=1e-9), j
+
+
 @pytest.mark.parametrize(
     ("delay", "late", "rounds"),
     [
@@ -92,6 +106,7 @@ def test_fifty_random_loops(delay, late, rounds):
     assert bool(jnp.all(run.successful))
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("late", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_derivatives_of_fifty_random_loops(late):
     """By gains, sample time, friction, beginning and latency, in reverse; by gains forward too."""
@@ -139,6 +154,7 @@ def test_a_stop_that_falls_on_a_sample_is_taken_and_flagged(v):
     assert int(runs[0].flags) == int(runs[2].flags) == 0
 
 
+@pytest.mark.more
 def test_a_stop_between_a_sample_and_its_output():
     # Nothing acts until 0.008 s; without what acts then it would stop at 0.01 s.
     loop = Loop(0.01, kp=0.0, ki=0.0, kd=100.0, latency=0.008, static=3.0, kinetic=2.0)
@@ -151,6 +167,7 @@ def test_a_stop_between_a_sample_and_its_output():
     assert float(run.y1.y.v_x) == v == 0.0
 
 
+@pytest.mark.more
 def test_samples_are_at_their_times_and_neither_logged_nor_counted():
     loop = under_pid(0.007)
 
@@ -169,6 +186,7 @@ def test_samples_are_at_their_times_and_neither_logged_nor_counted():
     assert int(run.stats.num_attempts) < 1050
 
 
+@pytest.mark.more
 def test_output_at_a_sample_stands_behind_it_and_a_run_goes_on_from_there():
     loop = under_pid()
     run = ss.simulate(loop, 0.0, 1.0, begin(loop), saveat=ss.SaveAt(ts=[0.0, 0.07, 0.29, 1.0]))
@@ -183,6 +201,7 @@ def test_output_at_a_sample_stands_behind_it_and_a_run_goes_on_from_there():
     assert float(second.y1.y.x) == pytest.approx(float(run.y1.y.x), abs=1e-15)
 
 
+@pytest.mark.more
 def test_without_integral_action_it_rests_in_the_dead_zone_everywhere():
     loop = under_pid(ki=0.0, static=1.0)
     starts = jnp.linspace(-0.02, 0.02, 9) * (1.0 - 1e-9)
@@ -207,6 +226,7 @@ def test_the_error_of_sampling_falls_with_the_period():
     assert ratio == pytest.approx(2.0, abs=0.05)
 
 
+@pytest.mark.more
 def test_lanes_give_what_single_runs_give():
     def end(kp, period):
         loop = under_pid(period, kp)
@@ -218,6 +238,7 @@ def test_lanes_give_what_single_runs_give():
         assert float(x) == pytest.approx(float(end(kp, period)), abs=1e-15)
 
 
+@pytest.mark.more
 def test_two_controllers_in_one_loop():
     """A velocity loop of 1 kHz in a position loop of 100 Hz, which is sampled behind it."""
     inner = WithController(Axis(), lambda k, t, m, s, a: (20.0 * (a.output - m.v_x), s), 0.001)
@@ -239,6 +260,7 @@ def test_two_controllers_in_one_loop():
     assert int(run.flags) == 0
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("options", [{}, {"delay": 2, "latency": 0.003}], ids=["plain", "late"])
 def test_a_run_that_is_cut_goes_on_as_if_it_were_not(options):
     """At samples, beside and between them, twice at one instant, and where the axis stops."""

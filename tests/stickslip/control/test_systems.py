@@ -14,6 +14,7 @@ from tests.stickslip.control._axis import begin, under_pid
 from tests.stickslip.control._reference import Loop
 
 
+@pytest.mark.more
 def test_an_output_may_be_a_parameter_of_the_system():
     """The spring is twice as stiff from 3.5 s on: at 0.7 m it tears the block off its belt at once."""
     block = CoulombOscillator(1.0, 1.0, 1.0, 0.5, 0.2)
@@ -33,6 +34,7 @@ def test_an_output_may_be_a_parameter_of_the_system():
     assert int(first.num_events) == 0
 
 
+@pytest.mark.more
 def test_a_regularised_axis_is_near():
     loop = under_pid()
     near = WithController(loop.system.regularised(1e-4), loop.update, 0.01, loop.initial)
@@ -41,6 +43,7 @@ def test_a_regularised_axis_is_near():
     assert float(run.y1.y.x) == pytest.approx(Loop().run(100, 0.1)[0], abs=1e-3)
 
 
+@pytest.mark.more
 def test_breaks_and_integrals_around_a_loop():
     loop = under_pid()
     broken = ss.WithBreaks(loop, [0.305])
@@ -56,6 +59,7 @@ def test_breaks_and_integrals_around_a_loop():
     assert float(run.y1.integrals["work"]) == pytest.approx(0.1 - float(y.x) + 0.5 * float(y.v_x) ** 2)
 
 
+@pytest.mark.more
 def test_deviations_of_a_loop_are_its_derivatives():
     loop = under_pid()
     tangent = WithDeviations(loop)

@@ -47,6 +47,7 @@ def test_a_linear_system_is_filtered_and_smoothed_as_in_the_textbook(process):
     assert float(found.nis[3]) == 0.0
 
 
+@pytest.mark.more
 def test_a_stop_takes_what_the_saltation_matrix_takes():
     """A block that slows down by 0.3 m/s^2 stops a speed's deviation over 0.3 later."""
     block, a = SlidingBlock(1.0, 0.5, 0.3), 0.3
@@ -98,6 +99,7 @@ def test_a_drifting_force_goes_through_a_stop():
     assert np.allclose(found.estimate.covariances[0][np.ix_(order, order)], W, rtol=1e-7, atol=1e-12)
 
 
+@pytest.mark.more
 def test_a_stuck_body_keeps_the_speed_of_its_belt_whatever_is_measured():
     system = Pushed(static_force=1.0, kinetic_force=0.5, belt_speed=0.2)
     t = np.linspace(0.5, 3.0, 6)
@@ -114,6 +116,7 @@ def test_a_stuck_body_keeps_the_speed_of_its_belt_whatever_is_measured():
     assert np.all(smooth(found).means.v_x == 0.2)
 
 
+@pytest.mark.more
 def test_a_correction_beyond_a_guard_decides_the_mode_anew():
     system = Pushed(belt_speed=0.2)
     names = system.mode_names
@@ -162,6 +165,7 @@ def test_a_correction_through_a_guard_makes_its_event_good():
         )
 
 
+@pytest.mark.more
 def test_a_run_that_fails_says_so_and_has_no_numbers():
     block = SlidingBlock(1.0, 0.5, 0.3)
     found = kalman_filter(

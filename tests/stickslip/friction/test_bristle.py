@@ -38,6 +38,7 @@ def integrated(law, velocity, times, z0=0.0):
     return solution.y[0]
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("v", [0.05, -0.02])
 @pytest.mark.parametrize(
     "law",
@@ -140,6 +141,7 @@ def test_the_passivity_bound_is_needed():
     assert law.coefficient_from_state(v, (z,)) * v - SIGMA_0 * z * rate < 0.0
 
 
+@pytest.mark.more
 def test_presliding_loop_closes():
     """Dahl's law under a periodic displacement settles on a hysteresis loop that dissipates."""
     law, amplitude = Dahl(Coulomb(0.3), SIGMA_0), 5e-4

@@ -41,6 +41,7 @@ def test_pytree_round_trip(law):
     assert jax.tree.structure(placeholders) == structure
 
 
+@pytest.mark.more
 @every_law
 def test_one_trace_serves_all_parameters(law):
     traces = 0
@@ -73,6 +74,7 @@ def test_batched_parameters_equal_a_loop(law):
         np.testing.assert_allclose(got, expected, rtol=1e-13, atol=1e-15)
 
 
+@pytest.mark.more
 @every_law
 def test_parameters_per_lane_need_no_vmap(law):
     factors = jnp.linspace(1.0, 1.3, V.size)
@@ -120,6 +122,7 @@ def primitives(jaxpr):
                 yield from primitives(inner)
 
 
+@pytest.mark.more
 @every_law
 def test_no_calls_for_the_fused_loop(law):
     """A jitted function inside the law would become a call inside the compiled time loop."""
@@ -226,6 +229,7 @@ class DragTheWrongWay(_Faulty):
         return -0.1 * jnp.asarray(v)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(
     ("fault", "message"),
     [

@@ -92,6 +92,7 @@ def test_coefficient(law, formula):
     np.testing.assert_allclose(law.coefficient(V), formula(V), rtol=2e-15, atol=5e-16)
 
 
+@pytest.mark.more
 @every_formula
 def test_derivative_away_from_rest(law, formula):
     # Nearer to rest the differences lose their digits, even in extended precision.
@@ -110,6 +111,7 @@ def test_drag_does_not_depend_on_the_normal_force():
     np.testing.assert_allclose(one_way.force(V, 2.0), np.where(V > 0, -3.0 * V, -0.4 * V))
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(
     ("law", "branch"),
     [

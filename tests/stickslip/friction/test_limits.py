@@ -45,6 +45,7 @@ def test_tanh_converges_exponentially():
     np.testing.assert_allclose(error, 0.3 * 2 * np.exp(-0.4 / widths), rtol=0.02)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(
     ("kind", "ratio", "missed"),
     [("tanh", 10, 4.2e-9), ("sqrt", 100, 5e-5), ("arctan", 1e4, 4.1e-5)],
@@ -79,6 +80,7 @@ def test_static_limit_of_the_block_on_belt_is_the_peak(beta):
     assert static >= peak * (1 - 1e-15)
 
 
+@pytest.mark.more
 def test_block_on_belt_tends_to_its_limit():
     def law(alpha):
         return SmoothHyperbolicWeakening(MU_0, alpha, BETA, GAMMA)

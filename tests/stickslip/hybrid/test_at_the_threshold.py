@@ -5,6 +5,7 @@ from typing import ClassVar
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 import stickslip as ss
 from stickslip.friction import Coulomb
@@ -32,6 +33,7 @@ def runs(start, mass, stiffness, limit, tolerance, t0=0.0):
     return map(np.asarray, found)
 
 
+@pytest.mark.more
 def test_a_stop_at_the_very_threshold_is_flagged():
     rng = np.random.default_rng(0)
     scales = 10.0 ** rng.uniform(-3, 3, (3, 60))
@@ -41,6 +43,7 @@ def test_a_stop_at_the_very_threshold_is_flagged():
         assert np.all(flags & GRAZING), f"{tolerance}: {np.sum(flags == 0)} of 60 not flagged"
 
 
+@pytest.mark.more
 def test_round_numbers_are_flagged():
     masses, stiffnesses, limits = np.meshgrid([0.5, 1.0, 2.0], [0.5, 1.0, 2.0, 4.0], [0.25, 1.0, 8.0])
     rows = [a.ravel() for a in (masses, stiffnesses, limits)]
@@ -48,6 +51,7 @@ def test_round_numbers_are_flagged():
     assert np.all(flags & GRAZING)
 
 
+@pytest.mark.more
 def test_beside_the_threshold_the_motion_is_that_of_the_closed_form():
     # Of the flagged ones nothing is claimed; at a distance of 1e-5 none is flagged any more.
     distances = 10.0 ** np.arange(-13.0, -1.9, 0.5)
@@ -63,6 +67,7 @@ def test_beside_the_threshold_the_motion_is_that_of_the_closed_form():
         assert sign > 0 or not np.any(told[distances < 1e-8])
 
 
+@pytest.mark.more
 def test_a_start_at_rest_at_the_threshold():
     _, events, flags, _ = runs([1.0, 0.999, -1.0, 0.5], 1.0, 1.0, 1.0, 1e-10)
     assert list(flags & GRAZING) == [GRAZING, 0, GRAZING, 0]
@@ -85,6 +90,7 @@ class Held(AbstractMechanism):
         return [Contact(Coulomb(0.5)), Contact(Coulomb(0.5))]
 
 
+@pytest.mark.more
 def test_what_rests_on_zero_does_not_disturb_what_is_located_beside_it():
     """A swing lasts half a period and is shorter by 1 m than the last."""
     found = ss.simulate(Held(), 0.0, 20.0, Held().state(y=3.0), throw=False)

@@ -201,6 +201,7 @@ class Rubbed(ss.AbstractSmoothSystem):
         return Motion(x=y.v, v=self.load - jnp.sign(y.v))
 
 
+@pytest.mark.more
 def test_what_attracts_from_both_sides_chatters_and_says_so():
     def run(load, v):
         return ss.simulate(Rubbed(load), 0.0, 3.0, Motion(0.0 * v, v), throw=False)

@@ -48,6 +48,7 @@ def test_a_push_between_two_breaks_and_its_derivatives():
         np.testing.assert_allclose(found(*POINT), true, rtol=1e-12)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("shift", [0.0, 1e-9, 1e3, 1e6])
 def test_breaks_far_from_zero_time(shift):
     begin, end, force = POINT[0] + shift, POINT[1] + shift, POINT[2]
@@ -59,6 +60,7 @@ def test_breaks_far_from_zero_time(shift):
     assert int(run.flags) == 0
 
 
+@pytest.mark.more
 def test_breaks_before_at_and_after_the_run_do_nothing():
     system = ss.WithBreaks(Pushed(-1.0, 50.0, 1.0), [-1.0, 0.0, 50.0])
     run = ss.simulate(system, 0.0, 4.0, system.start(Motion(0.0, 0.0), 0.0))
@@ -101,6 +103,7 @@ class Lines(ss.AbstractSmoothSystem):
         return Motion(y.v, jnp.interp(t, self.times, self.forces))
 
 
+@pytest.mark.more
 def test_outputs_at_the_very_breaks():
     """As of a record whose inputs have its stamps: a step that ends on a stamp ends on a bend."""
     count = 400

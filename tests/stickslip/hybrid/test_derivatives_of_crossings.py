@@ -97,6 +97,7 @@ def test_steps_have_no_derivatives():
     np.testing.assert_allclose(jax.jit(jax.grad(lambda p: place(p)[1]))(P), end, rtol=1e-9)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("mode", [jax.jacfwd, jax.jacrev], ids=["forward", "reverse"])
 def test_rows_of_another_motion_have_no_derivatives(mode, monkeypatch):
     """Where the run of the derivative meets other events, the rows of logs belong to others."""

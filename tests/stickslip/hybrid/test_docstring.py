@@ -25,6 +25,7 @@ def test_writing_ones_own_system():
     assert int(events) == len(times)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("module", ["_smooth", "_wrapper"])
 def test_examples(module):
     failed, tried = doctest.testmod(importlib.import_module(f"stickslip.hybrid.{module}"))

@@ -105,6 +105,7 @@ RECORDED = [
 ]
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("method", ["dop853", "tsit5"])
 @pytest.mark.parametrize(("direction", "chosen"), [("both", slice(3)), ("falling", slice(0, 3, 2))])
 def test_a_section_records_all_three(method, direction, chosen):

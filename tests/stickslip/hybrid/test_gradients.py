@@ -85,6 +85,7 @@ def test_derivatives_of_event_times():
     np.testing.assert_allclose(reverse, slopes, atol=1e-8)
 
 
+@pytest.mark.more
 def test_curved_guard_and_explicit_time():
     """Ball on a floor that moves as s t + c t^2/2: impact where the parabolas meet.
 
@@ -244,6 +245,7 @@ def test_derivatives_in_chunks_with_both_executors():
         np.testing.assert_allclose(forward, reverse, atol=1e-9, rtol=0)
 
 
+@pytest.mark.more
 def test_second_derivatives_are_refused():
     def x(v):
         return end_of_stick_slip((v, 1.0, 0.5), 6.0).y1.x

@@ -73,6 +73,7 @@ def test_derivatives_next_to_grazing_are_right_or_flagged(amplitude):
         assert int(events) == 1 or (int(flags) and depth < 1e-10)
 
 
+@pytest.mark.more
 def test_steps_that_end_on_the_very_touch():
     """A look is led to where the guard may touch: the slope there is none, or rounding.
 
@@ -108,6 +109,7 @@ def test_runs_that_nearly_touch_are_flagged(amplitude):
             assert int(flags) == 0, f"missed by {distance} is flagged"
 
 
+@pytest.mark.more
 def test_with_no_threshold_wrong_derivatives_go_unflagged(monkeypatch):
     monkeypatch.setattr(Plan, "touching", property(lambda self: 0.0))
     wall = 1.0 - 1e-10
@@ -116,6 +118,7 @@ def test_with_no_threshold_wrong_derivatives_go_unflagged(monkeypatch):
     assert int(flags) == 0
 
 
+@pytest.mark.more
 def test_ordinary_stick_slip_is_not_flagged():
     from stickslip.systems import CoulombOscillator
 
@@ -145,6 +148,7 @@ class Clock(ss.AbstractHybridSystem):
         return 0
 
 
+@pytest.mark.more
 def test_outputs_that_fall_on_a_steep_guard_are_no_touch():
     """A step ended at the time asked for, a rounding behind the guard, which then seemed to be flat."""
     system = Clock()

@@ -261,6 +261,7 @@ def test_lanes_fail_each_in_their_own_way():
     assert np.isfinite(np.asarray(run.y1.x)).all()
 
 
+@pytest.mark.more
 def test_good_lanes_are_not_disturbed_by_bad_ones():
     def lane(v):
         return ss.simulate(
@@ -302,6 +303,7 @@ def test_throw_raises_the_message():
         raise_failures(found, jnp.array([True, False, True]))
 
 
+@pytest.mark.more
 def test_max_steps_and_crossings_have_codes():
     few = ss.Integrator(step=ss.FixedStep(0.1), max_steps=20)
     run = ss.simulate(Circle(-2.0), 0.0, 50.0, State(1.0, 0.0), integrator=few, throw=False)
@@ -320,6 +322,7 @@ def test_max_steps_and_crossings_have_codes():
     assert run.crossings[0].count == 3
 
 
+@pytest.mark.more
 def test_adaptive_step_gives_up_at_dtmin():
     class Wall(Circle):
         def vector_field(self, t, y, mode, args):

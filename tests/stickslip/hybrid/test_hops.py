@@ -100,6 +100,7 @@ def machines_and_truth():
     return machines, np.array([by_closed_form(*p) for p in machines])
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("method", ["dop853", "tsit5", diffrax.Dopri8()], ids=str)
 def test_no_hop_is_missed(method):
     @jax.jit

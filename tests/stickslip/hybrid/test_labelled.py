@@ -37,6 +37,7 @@ def run(batch):
     return jax.tree.map(lambda a: jax.device_put(np.asarray(a)[0]), batch)
 
 
+@pytest.mark.more
 def test_one_run(run):
     data = run.to_dataset(BLOCK)
     np.testing.assert_array_equal(data.time, TIMES)
@@ -60,6 +61,7 @@ def test_one_run(run):
     assert data.result.attrs["flag_meanings"].split()[int(data.result)] == "successful"
 
 
+@pytest.mark.more
 def test_a_batch(batch):
     data = batch.to_dataset(BLOCK, batch={"belt_speed": SPEEDS})
     assert data.x.dims == ("belt_speed", "time")

@@ -88,6 +88,7 @@ def test_without_the_doubt_most_events_at_rest_are_missed(monkeypatch):
     assert np.sum(off & (np.asarray(found.flags) == 0)) > 10
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("amplitude", [1.05, 1.001, 1.5])
 @pytest.mark.parametrize("rate", [1.0, 10.0])
 def test_a_resting_block_under_one_tone(amplitude, rate):
@@ -132,6 +133,7 @@ def moments(number, lasts):
     return jnp.asarray(np.random.default_rng(1).uniform(0.0, END - lasts, number))
 
 
+@pytest.mark.more
 def test_what_lasts_for_less_than_the_documented_bound_is_what_can_be_missed():
     """`AdaptiveStep`: shorter than 0.4 of 1/1000 of the run; here 12 ms in 30 s."""
     lasts = 0.4 * END / 1000

@@ -144,6 +144,7 @@ def test_jumps_that_end_a_stick_or_find_the_block_slipping():
     assert (np.asarray(two.outputs.mode)[sticks] == 1).mean() > 0.98  # but for those at a break
 
 
+@pytest.mark.more
 def test_a_single_break_a_period_and_a_batch():
     """A saw tooth: the second break, in the middle, changes nothing."""
 
@@ -177,6 +178,7 @@ def test_modes_by_name():
         ss.simulate(system, 0.5, 0.6, Motion(0.0, 0.0), "motion, load 1")
 
 
+@pytest.mark.more
 def test_sticks_are_drawn_by_the_modes_of_the_block():
     system = ss.WithPeriodicBreaks(Block(5.0), [0.0, 1.25, 2.5], 5.0)
     run = ss.simulate(system, 0.0, 20.0, Motion(0.0, 0.2))

@@ -46,6 +46,7 @@ def test_without_a_fault():
     assert time < 1e-9
 
 
+@pytest.mark.more
 def test_no_saltation(monkeypatch):
     """The event time is not differentiated: the value stays, the derivative does not."""
 
@@ -60,6 +61,7 @@ def test_no_saltation(monkeypatch):
     assert slope > 1.0
 
 
+@pytest.mark.more
 def test_event_by_linear_interpolation(monkeypatch):
     """The first attempt past the guard is accepted after one linear correction."""
     set_accuracy(monkeypatch, solved=1e3, correction_reach=1e3)
@@ -93,6 +95,7 @@ def test_kinetic_instead_of_static_threshold():
     assert not time < 1e-3  # NaN: without a drop of the force the block never sticks again
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("part", ["value", "rate"])
 def test_a_guard_evaluated_with_the_wrong_sign(monkeypatch, part):
     """Wrong values make another motion; with wrong rates every event looks like grazing."""

@@ -113,6 +113,7 @@ def test_a_step_and_its_derivatives_are_those_of_the_definition(method, form):
     close(bars, pull(cotangents), 1e-13)
 
 
+@pytest.mark.more
 def test_a_compact_step_can_be_differentiated_backwards():
     """Crossings of sections are landed on with such a step, outside of the written-out sweep."""
     stepper, given = as_stepper("dop853"), arguments()

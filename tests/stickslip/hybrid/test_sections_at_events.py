@@ -66,6 +66,7 @@ def test_zeros_of_guards_are_crossings_of_the_same_functions(number):
             np.testing.assert_allclose(section.t[i][: len(true)], true, rtol=0, atol=2e-7)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(("direction", "terminal"), [("falling", True), ("both", False)])
 def test_what_leaves_zero_and_comes_back_within_the_first_step(direction, terminal):
     """Thrown up at 1 m/s it is back after 2/9 s, at the last quarter of the first step."""
@@ -84,6 +85,7 @@ def test_what_leaves_zero_and_comes_back_within_the_first_step(direction, termin
     assert int(run.crossings[0].count) == 0
 
 
+@pytest.mark.more
 def test_what_begins_on_zero_is_counted_once_it_comes_back():
     section = ss.Section(lambda system, t, y, dy, mode, args: y.x, "both")
     run = ss.simulate(
@@ -112,6 +114,7 @@ def test_a_step_between_two_events_crosses_at_its_end():
     np.testing.assert_allclose(found.crossings[0].t[:, :2], found.events.t, rtol=1e-12)
 
 
+@pytest.mark.more
 def test_sections_next_to_a_guard_are_crossed_once():
     """Nearer to it than an event is located, on either side: x = cos t, closed form."""
     rng = np.random.default_rng(0)

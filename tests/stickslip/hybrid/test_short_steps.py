@@ -63,6 +63,7 @@ def held(speed):
     )
 
 
+@pytest.mark.more
 def test_a_guard_that_reaches_zero_as_a_step_ends_is_found_in_the_next():
     """The limit 1 N is reached at t = 4, after twenty steps, to rounding."""
     speed = jnp.asarray(0.25)

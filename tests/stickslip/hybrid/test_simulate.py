@@ -35,6 +35,7 @@ def run():
     )
 
 
+@pytest.mark.more
 def test_end_state_equals_the_closed_form(run):
     x, times = stick_slip_motion(50.0, 0.2)
     assert abs(run.y1.x - x) < 5e-11
@@ -134,6 +135,7 @@ def test_str_says_what_happened(run):
     assert "derivative flags: none" in str(run)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(
     ("method", "order"),
     [("rk4", 4), ("tsit5", 5), ("dop853", 8), (dfx.Heun(), 2), (dfx.Bosh3(), 3), (dfx.Kvaerno3(), 3)],
@@ -232,6 +234,7 @@ def test_one_lane_is_the_same_under_vmap_and_in_chunks():
         np.testing.assert_array_equal(chunks.sequence, together.sequence)
 
 
+@pytest.mark.more
 def test_recorded_sections_do_not_change_the_motion():
     sections = (
         ss.Section(lambda system, t, y, dy, mode, args: dy.v + 0.2, "rising"),
@@ -248,6 +251,7 @@ def test_recorded_sections_do_not_change_the_motion():
     np.testing.assert_allclose(cut.y1.x, bare.y1.x, rtol=0, atol=1e-14)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_a_short_excursion_through_a_section_is_seen_from_both_sides(side):
     """x = cos(t - 3) is above 0.999 for 0.09 s, between two ends of steps of 0.21 s."""

@@ -235,6 +235,7 @@ def test_a_comparison_of_what_is_held_at_zero_does_not_outlive_it():
     np.testing.assert_allclose(x[0], right, atol=1e-6)
 
 
+@pytest.mark.more
 def test_what_is_held_beside_a_border_does_not_fire_before_it():
     """From the last number below the stop, late, some of these chattered on it: a depth of 0 there is
     lower than a distance of one rounding."""

@@ -138,6 +138,7 @@ def map_to_numpy(tree):
     return jax.tree.map(np.asarray, tree)
 
 
+@pytest.mark.more
 def test_loads_of_the_time_alone_are_the_same_in_all_units():
     same(press)
 
@@ -175,6 +176,7 @@ class Driven(AbstractMechanism):
         return self.time
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("units", [(1e-12, 1.0, 1.0), (1e-3, 1e6, 1e6), (1e12, 1e-12, 1e-3)])
 def test_what_has_no_metre_does_not_loosen_what_has(units):
     """A valve of order 1 and the number of the piece were the largest component: a motion of 1e-12 m
@@ -216,6 +218,7 @@ class Circuit(AbstractMechanism):
         }  # fmt: skip
 
 
+@pytest.mark.more
 def test_what_follows_nothing_but_rounding_costs_no_steps():
     """Measured by themselves alone the speed of `x`, its current or its filter ended the run."""
 

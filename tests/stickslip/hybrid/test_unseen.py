@@ -141,6 +141,7 @@ def test_pushes_by_a_rotor_with_a_period_are_found_at_the_documented_bound():
     np.testing.assert_array_equal(events[inside], 2)
 
 
+@pytest.mark.more
 def test_without_the_watch_pushes_are_missed(monkeypatch):
     """The fault this file is about, planted."""
     unseen = longest_step.hiding

@@ -29,6 +29,7 @@ def record(rate):
     return Record(TIMES, {"x": np.exp(-rate * TIMES)}, begin=0.0)
 
 
+@pytest.mark.more
 def test_a_further_fit_is_not_traced(monkeypatch):
     made = Problem(
         lambda p, inputs: Decay(p["rate"]), lambda p, inputs: Place(1.0), {"rate": 1.0},

@@ -127,6 +127,7 @@ def rosenbrock(p):
     return jnp.stack([10.0 * (p["b"] - p["a"] ** 2), 1.0 - p["a"]])
 
 
+@pytest.mark.more
 def test_many_starts_and_the_best():
     """The valley of Rosenbrock, and a residual with a second minimum."""
     starts = {"a": np.array([0.3, 2.0, 1.2]), "b": np.array([3.0, 0.2, 1.0])}

@@ -63,6 +63,7 @@ def test_prior_and_bound():
     assert float(found.standard_deviation["a"]) == pytest.approx(np.sqrt(0.5), rel=0.06)
 
 
+@pytest.mark.more
 def test_refusals(monkeypatch):
     fit = least_squares(line, two())
 

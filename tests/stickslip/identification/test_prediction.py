@@ -66,6 +66,7 @@ def differences(fit, h=1e-5):
     return np.stack(rows, -1) / (2.0 * h)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("level", [0.5, 0.95])
 def test_the_band_is_that_of_the_linearised_problem(problem, fit, level):
     slopes = differences(fit)
@@ -81,6 +82,7 @@ def test_the_band_is_that_of_the_linearised_problem(problem, fit, level):
     np.testing.assert_allclose(found.measured_upper["position"] - mean, whole, rtol=1e-4)
 
 
+@pytest.mark.more
 def test_draws_agree_with_the_slopes_where_hardly_anything_bends(problem, fit):
     by_slopes, by_draws = problem.predict(fit), problem.predict(fit, draws=2000, seed=1)
     assert by_draws.failed == 0
@@ -93,6 +95,7 @@ def test_draws_agree_with_the_slopes_where_hardly_anything_bends(problem, fit):
     np.testing.assert_array_equal(again.upper["position"], by_draws.upper["position"])
 
 
+@pytest.mark.more
 def test_what_no_datum_sees_has_no_band():
     """The friction of a slip acts from the first slip on: a record of the stick alone says nothing."""
     times = np.linspace(0.0, 3.0, 16)
@@ -107,6 +110,7 @@ def test_what_no_datum_sees_has_no_band():
         EMPTY.predict(fit, draws=9)
 
 
+@pytest.mark.more
 def test_a_score_is_arithmetic(fit, clean):
     rng = np.random.default_rng(5)
     values = clean + 3.0 * SD * rng.normal(size=TIMES.size)

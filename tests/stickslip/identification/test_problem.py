@@ -164,6 +164,7 @@ class Sledge(AbstractMechanism):
         return {"ground": Contact(Coulomb(1.7))}
 
 
+@pytest.mark.more
 def test_steps_that_end_on_a_break_are_not_tried_again():
     """Rounding of the time there looked like a hidden event once: 9,338 attempts for 1,807."""
     t = np.arange(0.0, 4.0, 0.02)
@@ -203,6 +204,7 @@ def test_known_parameters_come_back_from_stick_slip_records():
     np.testing.assert_allclose(both[one.size :], alone.residual(values), atol=1e-9)
 
 
+@pytest.mark.more
 def test_missing_rows_are_rows_left_out():
     rows = measured(TIMES, noise=SIGMA)
     away = np.zeros(40, bool)

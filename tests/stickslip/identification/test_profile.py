@@ -145,6 +145,7 @@ def test_practically_not_identifiable_within_bounds():
     assert float(found.upper["a"]) == pytest.approx(max(np.roots(parabola)), rel=1e-6)
 
 
+@pytest.mark.more
 def test_the_edge_of_where_a_model_runs():
     def residual(p):
         return jnp.where(p["a"] < 2.0, jnp.nan, jnp.stack([p["a"] - 2.5]))

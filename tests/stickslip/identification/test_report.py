@@ -83,6 +83,7 @@ def test_a_missed_input_is_told():
     assert float(made(profiled=False).whiteness["x"].with_input["u"].outside) < 0.2
 
 
+@pytest.mark.more
 def test_correlation_is_that_of_the_linear_problem():
     matrix = np.random.default_rng(1).normal(size=(40, 2)) @ np.array([[1.0, 0.9], [0.0, 0.3]])
     start = {"a": Unknown(1.0), "b": Unknown(-2.0)}
@@ -97,6 +98,7 @@ def test_correlation_is_that_of_the_linear_problem():
         np.testing.assert_allclose(fit.interval(0.8)[name], ends, rtol=1e-9)
 
 
+@pytest.mark.more
 def test_an_interval_ends_at_the_bounds():
     start = {
         "a": Unknown(0.5, bounds=(0.0, 1.0)),

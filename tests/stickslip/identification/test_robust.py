@@ -43,6 +43,7 @@ def fitted(data):
     return jnp.stack(both), jnp.stack([fit.covariance(False), fit.covariance(True)])
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(("phi", "size"), [(0.0, 1.0), (0.0, 5.0), (0.5, 1.0), (0.9, 1.0), (0.0, 0.2)])
 def test_intervals_hold_under_coloured_noise(phi, size):
     """Stated: white noise of 1. Of 400 fits the robust intervals hold 90 to 98.5%."""
@@ -62,6 +63,7 @@ def test_intervals_hold_under_coloured_noise(phi, size):
     np.testing.assert_allclose(variances / np.diagonal(exact), 1.0, atol=0.2)
 
 
+@pytest.mark.more
 def test_long_run_covariance_of_white_scores_is_their_sum_of_squares():
     """The kernel is 1 at lag 0; beyond it white scores add up to nothing on average."""
     scores = np.random.default_rng(3).normal(size=(200, 50, 2))
@@ -95,6 +97,7 @@ def twice():
         return one, problem("one", "two").fit(), problem("one")
 
 
+@pytest.mark.more
 def test_channels_that_say_the_same_are_counted_once(twice, tmp_path):
     one, two, _ = twice
     stated = [float(fit.standard_errors()["k"]) for fit in (one, two)]
@@ -106,6 +109,7 @@ def test_channels_that_say_the_same_are_counted_once(twice, tmp_path):
     assert read.grid == two.grid
 
 
+@pytest.mark.more
 def test_poor_fit_says_both(twice):
     """The motion of another machine: the stated errors are marked as such, and do not stand alone."""
     one, *_ = twice
@@ -117,6 +121,7 @@ def test_poor_fit_says_both(twice):
     assert f"{robust:.3g}" in str(report(one))
 
 
+@pytest.mark.more
 def test_bands_of_a_poor_fit(twice):
     """Of one unknown the band is as many times wider as its error; that of a measurement adds what the
     residuals are, not what was stated."""

@@ -49,6 +49,7 @@ def test_a_batch_comes_back(tmp_path):
     same(fits, load_fit(fits.save(tmp_path / "fits.nc")))
 
 
+@pytest.mark.more
 def test_the_file_is_read_by_a_process_that_knows_no_problem(tmp_path):
     fit = least_squares(residual, UNKNOWNS)
     path = fit.save(tmp_path / "fit.nc")

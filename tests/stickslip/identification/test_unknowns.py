@@ -38,6 +38,7 @@ def row(values):
     return np.array([float(values[name]) for name in NAMES])
 
 
+@pytest.mark.more
 def test_linear_model_has_the_closed_form():
     fit = least_squares(residual, UNKNOWNS, LevenbergMarquardt(tolerance=1e-15))
     exact = np.linalg.lstsq(MATRIX, DATA)[0]
@@ -92,6 +93,7 @@ def test_a_bound_that_is_active():
     np.testing.assert_allclose(row(fit.values), [*rest, 0.5], rtol=1e-5)
 
 
+@pytest.mark.more
 def test_positive_number_is_an_unknown_above_zero():
     t = jnp.linspace(0.0, 1.0, 20)
 
@@ -147,6 +149,7 @@ def test_bad_unknowns():
         least_squares(lambda p: p["a"][None], {"a": Unknown([1.0, 2.0])})
 
 
+@pytest.mark.more
 def test_a_fit_prints_its_estimates():
     t = jnp.linspace(0.0, 1.0, 20)
     data = 3.0 + 2.0 * t

@@ -118,6 +118,7 @@ def test_what_begins_is_allowed(answers):
     assert np.max(np.abs(held[mode >= 0])) <= 1e-12
 
 
+@pytest.mark.more
 def test_what_rests_after_an_event_is_held(answers):
     """Whichever guard fires: contacts at rest have no speed, closed stops neither speed nor gap."""
     _, (mode, _, _, (held, after, values), *_) = answers
@@ -127,6 +128,7 @@ def test_what_rests_after_an_event_is_held(answers):
     assert np.any(after[allowed] != np.broadcast_to(mode[:, None], after.shape)[allowed])
 
 
+@pytest.mark.more
 def test_the_field_has_the_slopes_of_its_differences(answers):
     _, (mode, _, _, _, slopes, differences) = answers
     np.testing.assert_allclose(slopes[mode >= 0], differences[mode >= 0], rtol=1e-5, atol=1e-6)

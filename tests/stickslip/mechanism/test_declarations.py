@@ -194,6 +194,7 @@ def test_an_inertia_that_vanishes_where_the_coordinates_are_zero():
         ss.simulate(machine, 0.0, 1.0, machine.state(v_y=1.0))
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(
     ("load", "guard"), [(0.3, "pad loses its normal force"), (0.0, "pad stops or gives way")]
 )

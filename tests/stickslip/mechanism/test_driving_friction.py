@@ -95,6 +95,7 @@ def test_friction_that_drives_at_the_start_is_an_error_by_name(law, start, named
     assert not compiled
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("form", [lambda block: block, lambda block: block.regularised(0.1)])
 def test_of_lanes_those_that_drive_have_a_result_code(form):
     def outcome(mu, v):
@@ -109,6 +110,7 @@ def test_of_lanes_those_that_drive_have_a_result_code(form):
     assert none.tolist() == [False, True, True, True]
 
 
+@pytest.mark.more
 def test_what_is_closed_over_by_lanes_has_a_result_code_too():
     def outcome(mu):
         class Own(Block):
@@ -122,6 +124,7 @@ def test_what_is_closed_over_by_lanes_has_a_result_code_too():
     assert (found == ss.RESULTS.no_admissible_mode).tolist() == [False, True]
 
 
+@pytest.mark.more
 def test_a_law_of_more_than_arithmetic_is_asked_too():
     class Table(Parabola):
         def kinetic(self, v, sense):
@@ -139,6 +142,7 @@ def test_a_law_of_more_than_arithmetic_is_asked_too():
     assert jax.jit(inside)(0.0) == ss.RESULTS.no_admissible_mode
 
 
+@pytest.mark.more
 def test_what_may_drive_runs():
     # A law that says so; a contact without a load; slow enough for the law to resist.
     assert run(Driving(0.3, 0.1), v_x=2.0).successful

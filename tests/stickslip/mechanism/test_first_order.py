@@ -122,6 +122,7 @@ def test_an_impact_leaves_the_current_as_it_is():
     np.testing.assert_array_equal(run.events.y_after.current, run.events.y_before.current)
 
 
+@pytest.mark.more
 def test_every_joule_of_the_winding_is_accounted_for():
     winch = Winch(4.5)
     powers = Winch.powers

@@ -99,6 +99,7 @@ CASES = {
 }
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("name", CASES)
 def test_what_rests_on_a_surface_that_moves_still_does(name):
     """The steps err by their tolerance, 1e-4 here: as a speed of the contact it would be a slip."""
@@ -133,6 +134,7 @@ def test_what_turns_with_it_has_no_place():
     assert float(run.y1.v_a) == pytest.approx(0.4 * (0.9 - speed), abs=1e-3)
 
 
+@pytest.mark.more
 def test_so_does_a_run_that_took_all_its_attempts():
     system, start = CASES["two blocks"]
     few = ss.Integrator(step=ss.AdaptiveStep(1e-4), max_steps=20)
@@ -142,6 +144,7 @@ def test_so_does_a_run_that_took_all_its_attempts():
     assert int(system.initial_mode(cut.t1, cut.y1, None)) == int(cut.mode1)
 
 
+@pytest.mark.more
 def test_derivatives_of_what_rests_are_those_of_its_surface():
     def ends(frequency):
         run = ss.simulate(Carried(frequency), 0.0, 1.3, Carried().state(v_x=0.3 * frequency))

@@ -35,6 +35,7 @@ def test_random_loads_that_begin_late():
     assert set(kinds) >= {"pulses", "ramp", "chirp"}
 
 
+@pytest.mark.more
 def test_a_chain_at_rest_that_is_barely_moved():
     """1.001 sin t starts it for a thousandth of a period, and nothing but its tip says so."""
 
@@ -86,6 +87,7 @@ def test_units_of_length_do_not_matter(length, kind):
     np.testing.assert_allclose(end, expected, atol=1e-8)
 
 
+@pytest.mark.more
 def test_all_contacts_at_rest_for_the_whole_run():
     machine = chain(3, speed=0.001)
     run = ss.simulate(machine, 0.0, 50.0, machine.state(x_1=0.1))
@@ -94,6 +96,7 @@ def test_all_contacts_at_rest_for_the_whole_run():
     assert machine.mode_names[int(run.mode1)] == "stick / stick / stick"
 
 
+@pytest.mark.more
 def test_no_friction_is_no_contact():
     """An undamped oscillation with a frequency that is known."""
     block = Oscillator(2.0, 8.0, Coulomb(0.0), 0.3)
@@ -151,6 +154,7 @@ def test_more_contacts_than_64_bits_hold_are_refused():
         chain(32)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("contacts", [1, 15, 16, 31])
 def test_modes_of_many_contacts(contacts):
     """States to and fro, and the names of the modes."""
@@ -189,6 +193,7 @@ def test_modes_beyond_32_bits():
     assert int(again.mode1) == int(run.mode1) == machine.mode_names.index(after)
 
 
+@pytest.mark.more
 def test_parameters_of_many_lanes_at_once():
     """A machine made of arrays, one number a lane, is mapped over like any pytree."""
     speeds = jnp.asarray([0.1, 0.2, 0.3])

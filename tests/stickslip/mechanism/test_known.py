@@ -108,6 +108,7 @@ def test_masses_of_lanes_by_name_are_no_rows_of_a_matrix():
     np.testing.assert_allclose(lanes.energy(y), expected, rtol=1e-15)
 
 
+@pytest.mark.more
 def test_random_keys_are_no_numbers():
     """Arguments may hold a key: what depends on it is left to a program."""
     assert numbers_known(jax.random.key_data, jax.random.key(0)) is None

@@ -66,6 +66,7 @@ def outside(J, load, bounds) -> float:
     return answer.fun * size
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("name", DEPENDENT)
 def test_share_of_what_dependent_contacts_bear(name):
     """The largest load in the direction of the given one, by linear programming."""
@@ -99,6 +100,7 @@ def test_share_of_what_dependent_contacts_bear(name):
     assert compared > 30
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("name", ["carriage", "carriage on four skew rails", "five in space"])
 def test_as_resolve(name):
     """The search of `tests.oracle`, another one, for friction that is the same both ways."""

@@ -123,6 +123,7 @@ def arm(law):
     return machine, machine.state(a=0.3, b=-0.4, v_a=1.0)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(
     ("machine", "law"),
     [

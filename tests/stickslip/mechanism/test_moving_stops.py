@@ -106,6 +106,7 @@ class Cam(AbstractMechanism):
         return 0.1
 
 
+@pytest.mark.more
 def test_a_cam_that_comes_to_a_stand_and_moves_on():
     """At a stand ground and cam share the load, and static friction decides again."""
     # Weight, static and kinetic friction [N], pull [N/s]; whether it goes down with the cam.

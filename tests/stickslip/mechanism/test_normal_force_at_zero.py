@@ -66,6 +66,7 @@ class Pad(AbstractMechanism):
         return [pad, Contact(Coulomb(0.5), 1.0, jnp.where(t >= 1.0, 0.5, 0.1))]
 
 
+@pytest.mark.more
 def test_a_pad_is_put_on_and_a_belt_jumps():
     system = ss.WithBreaks(Pad(), [1.0])
     end = ss.simulate(system, 0.0, 1.5, system.start(Pad().state(v_x=5.0, v_z=0.1)))

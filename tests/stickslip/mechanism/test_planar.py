@@ -33,6 +33,7 @@ def log(machine, run):
     return [machine.mode_names[int(m)] for m in run.events.mode_after[:count]], run.events.t[:count]
 
 
+@pytest.mark.more
 def test_a_puck_goes_straight_and_stops():
     """|v|^2 / (2 mu g) along its velocity, in |v| / (mu g)."""
     puck = Puck(Coulomb(MU))

@@ -21,6 +21,7 @@ def elliptic(limits, u):
     return -limits * used / np.hypot(*used)
 
 
+@pytest.mark.more
 def test_an_ellipse_of_two_coefficients():
     """SciPy while it slides; along an axis it is a line; at rest it bears an ellipse."""
     first, second = Coulomb(0.4, 0.35), Coulomb(0.2, 0.15)
@@ -176,6 +177,7 @@ def test_directions_that_vary():
     np.testing.assert_allclose(array(other.y1), [*x, -spin * x[1], spin * x[0]], atol=1e-9)
 
 
+@pytest.mark.more
 def test_neither_axes_nor_their_order_matter():
     """Axes at 30 degrees to the coordinates, the second of them as the one with the normal force."""
     c, s = np.cos(np.pi / 6.0), np.sin(np.pi / 6.0)
@@ -207,6 +209,7 @@ class Hopping(Puck):
         return 0.3
 
 
+@pytest.mark.more
 def test_it_opens_and_closes():
     puck = Hopping(Coulomb(MU), 0.5, 0.2, 0.1, 0.0)
     run = ss.simulate(puck, 0.0, 3.0, puck.state(v_x=1.0, v_y=-0.5))
@@ -278,6 +281,7 @@ def _differences(function, p, h=1e-4):
     return np.stack(rows, 1)
 
 
+@pytest.mark.more
 def test_slopes_through_a_stop():
     """Of where and when it stops, by friction, load and speeds; of a straight slide in closed form."""
 

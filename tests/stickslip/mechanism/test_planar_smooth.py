@@ -44,6 +44,7 @@ class Line(AbstractMechanism):
         return 0.5
 
 
+@pytest.mark.more
 def test_regularised_along_one_line():
     law = Stribeck(0.3, 0.2, 0.1)
     wide, narrow = Driven(law).regularised(0.02), Line(law).regularised(0.02)

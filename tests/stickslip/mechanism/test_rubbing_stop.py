@@ -46,6 +46,7 @@ def changes(machine, run):
     return [machine.mode_names[int(m)] for m in run.events.mode_after[:count]]
 
 
+@pytest.mark.more
 def test_a_puck_falls_bounces_rubs_and_stops():
     """No friction in flight nor at the impacts (2, 0.6, 0.18, 0.054 m/s); on the floor 3 m/s2."""
     puck = Puck()
@@ -60,6 +61,7 @@ def test_a_puck_falls_bounces_rubs_and_stops():
     assert float(run.y1.v_x) == float(run.y1.y) == float(run.y1.v_y) == 0.0
 
 
+@pytest.mark.more
 def test_friction_falls_with_what_the_stop_bears():
     """At rest until 0.5 (10 - 2 t) N is 2 N, then under 0.3 (10 - 2 t) N, and free from 5 s on."""
     puck = Puck(lift=2.0, push=2.0)

@@ -32,6 +32,7 @@ def times_of(run):
     return np.asarray(run.events.t[: int(run.num_events)])
 
 
+@pytest.mark.more
 def test_impacts_of_a_ball_and_their_limit():
     """Dropped from h, t_n = t_1 (1 + 2 e (1 - e^(n-1)) / (1 - e)); the limit is t_1 (1 + e)/(1 - e)."""
     e, g, h = 0.5, 2.0, 3.0
@@ -111,6 +112,7 @@ def test_a_moving_stop_gives_its_speed():
     np.testing.assert_allclose(run.events.y_after.x[:count], 0.2 * np.sin(3.0 * t), atol=1e-15)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("e", [0.0, 0.5, 1.0])
 def test_two_masses_collide(e):
     pair = Pair((1.0, 3.0), e, push=(0.5, 0.0))
@@ -131,6 +133,7 @@ def test_two_masses_collide(e):
         np.testing.assert_allclose(run.y1.v_y, mean + 0.125 * (1.0 - t), rtol=1e-12)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("e", [0.0, 0.3])
 def test_a_mass_dropped_on_a_block_that_friction_holds(e):
     """The block takes the impulse, for friction is finite; then friction stops it again."""
@@ -167,6 +170,7 @@ def quarter(amplitude, angle, g=9.81):
     return (ellipkinc(np.pi / 2, k) - ellipkinc(phase, k)) / np.sqrt(g)
 
 
+@pytest.mark.more
 def test_pendulum_against_a_wall():
     """The gap is no linear function of the angle; times are elliptic integrals."""
     e, g, start, wall = 0.6, 9.81, 0.8, 0.3
@@ -191,6 +195,7 @@ def test_pendulum_against_a_wall():
     np.testing.assert_allclose(run.events.y_after.a[:at], angle, rtol=1e-15)
 
 
+@pytest.mark.more
 def test_pendulum_comes_to_rest_on_a_wall():
     machine = Pendulum(-0.3, 0.6, rest=1e-2)
     run = ss.simulate(machine, 0.0, 4.0, machine.state(a=0.8))
@@ -202,6 +207,7 @@ def test_pendulum_comes_to_rest_on_a_wall():
     np.testing.assert_allclose(force, 9.81 * np.tan(np.arcsin(0.3)), rtol=1e-13)
 
 
+@pytest.mark.more
 def test_dry_pendulum_gives_up_the_energy_of_its_joint():
     """A contact and a stop of one velocity; swings fall by the friction at every turn."""
     friction, e, wall = 0.3, 0.6, 0.3
@@ -213,6 +219,7 @@ def test_dry_pendulum_gives_up_the_energy_of_its_joint():
     np.testing.assert_allclose(run.events.y_before.v_a[0], -np.sqrt(2 * drop), rtol=1e-9)
 
 
+@pytest.mark.more
 def test_a_belt_carries_a_block_to_a_wall():
     """It bounces against sliding friction, always at the speed of the contact; then it is pressed."""
     e, kinetic, belt = 0.6, 0.3, 0.5
@@ -232,6 +239,7 @@ def test_a_belt_carries_a_block_to_a_wall():
     assert float(run.y1.x) == 1.0
 
 
+@pytest.mark.more
 def test_a_mass_comes_to_rest_in_a_corner():
     """Every impact on one plane throws it off the other: rest needs the speeds off both."""
     box = Box(0.5, rest=1e-4)
@@ -255,6 +263,7 @@ def test_an_impact_pushes_on_what_touches():
     np.testing.assert_allclose(flat(run.y1)[3:], [0.0, 0.0, 1.0], atol=1e-15)
 
 
+@pytest.mark.more
 def test_two_stops_reached_in_one_instant():
     """A middle mass is met from both sides at once: one after the other, and flagged."""
     row = Row((1.0, 1.0, 1.0), (), 0.5, rest=0.0, stiffness=0.0, drive=0.0)
@@ -267,6 +276,7 @@ def test_two_stops_reached_in_one_instant():
     assert (np.diff(speeds) >= -1e-14).all()
 
 
+@pytest.mark.more
 def test_a_bead_slides_on_a_curve():
     """Closed on a stop whose direction turns: it swings in the bowl y = x^2 without loss."""
     wire = Wire(0.0)

@@ -41,6 +41,7 @@ def row_in_numpy(machine):
     return np.diag(machine.masses), force, (np.diff(np.eye(n), axis=0), 0.2, float(machine.e))
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(
     ("e", "limits", "least"),
     [

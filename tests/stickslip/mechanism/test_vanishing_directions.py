@@ -120,6 +120,7 @@ def test_friction_about_dead_centres_by_energy(ends):
             assert slope[column] == pytest.approx(-change(k) / ahead, rel=1e-4)
 
 
+@pytest.mark.more
 def test_rest_at_a_dead_centre_holds_nothing(ends):
     """Whatever friction there is, the smallest torque moves it: the same motion both ways."""
     rows = [(0.3, s, 0, 1, 0, 0, 0, 2) for s in (0.1, -0.1)]

@@ -71,6 +71,7 @@ def test_random_runs_are_those_of_fine_steps_without_flags(number):
     assert np.min(fine[1]) >= 4
 
 
+@pytest.mark.more
 def test_a_contact_that_gives_way_as_another_passes_its_zero():
     """The drift of its rest was against the sense in which it gave way, and stopped it: chattering."""
     machine = Curved(np.array([1.10682776, 0.89702609, 0.72705426, 0.82229915, 0.0]))
@@ -98,6 +99,7 @@ class Tilting(AbstractMechanism):
         return {"curve": Contact(Coulomb(1.0), direction={"x": 1.0, "y": jnp.tanh(q.x)})}
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("force", [1.0, 0.77])
 def test_what_friction_holds_does_not_move_by_rounding(force):
     """Accelerations of the rounding of the forces were the whole motion, and steps of 1e-11 s their
@@ -159,6 +161,7 @@ class Slope(AbstractMechanism):
         return {"pad": Contact(Coulomb(0.3), direction={"x": 1.0, "y": jnp.cos(q.y)})}
 
 
+@pytest.mark.more
 def test_a_start_where_two_entries_of_a_direction_are_equal():
     """Which of them is the larger was taken for a bend of the force, met anew at every step."""
     starts = np.array([[-0.525, 0.0, 0.0], [0.5, 0.0, 0.5], [-0.2, 0.0, 2.0], [0.0, 0.5, 0.0]])

@@ -88,6 +88,7 @@ class Two(AbstractMechanism):
         return {"rail": Contact(Coulomb(0.1, 0.1), 1.0), "joint": Contact(Coulomb(0.3, 0.3), 1.0)}
 
 
+@pytest.mark.more
 def test_without_a_drawing_each_coordinate_has_a_part():
     two = Two()
     start = two.state(x=0.0, v_x=0.2, angle=0.25)
@@ -123,6 +124,7 @@ def test_of_a_dataset(run):
         plot.animate(data.assign(s=data.s * np.nan), draw=[Block("s")])
 
 
+@pytest.mark.more
 def test_wrong_drawings_are_named(run):
     for draw, said in (
         ([Block("q")], r"draw\[0\].x = 'q': it must be a component of the state \(x, v\)"),

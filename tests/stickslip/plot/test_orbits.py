@@ -152,6 +152,7 @@ def test_multipliers_of_a_batch_tell_stable_from_unstable(tank):
     assert lines["stable"].get_markersize() == 3.0
 
 
+@pytest.mark.more
 def test_large_multipliers_do_not_hide_the_circle(tank):
     orbits = with_multipliers(one(tank, 0), [[1e5, 0.5], [3e4, -2.0], [1.0 - 1e3j, 1.0 + 1e3j]])
     axis = plot.multipliers(orbits)
@@ -172,6 +173,7 @@ def test_large_multipliers_do_not_hide_the_circle(tank):
     assert len(set(heights)) == 2
 
 
+@pytest.mark.more
 def test_multipliers_of_a_branch_mark_its_special_points(tank):
     specials = [("EP", [7.0, 7.0]), ("PD", [-1.0, 0.1]), ("LP", [1.0, 0.3]), ("PD", [-1.0, 1e4])]
     branch = marked(tank, [[0.5, 0.2], [-1.1, 0.1]], specials)
@@ -294,6 +296,7 @@ def test_wrong_arguments_of_an_orbit(ring, block):
         plot.orbit(ring, 0, y="z")
 
 
+@pytest.mark.more
 def test_numbers_of_arrays_over_the_parameter(ring):
     axis = plot.branch(ring, "z[1]", lowest=True)
     high, low = axis.lines
@@ -313,6 +316,7 @@ def test_numbers_of_arrays_over_the_parameter(ring):
             plot.branch(ring, name)
 
 
+@pytest.mark.more
 def test_a_branch_and_its_special_points(block):
     flip = BranchPoint("PD", np.array([0.22]), one(block, 0), "", 0, np.zeros(4), block.system)
     axis = plot.branch(eqx.tree_at(lambda b: b.specials, block, (flip,), is_leaf=None), "x")

@@ -78,6 +78,7 @@ def test_motion(one):
     assert [text.get_text() for text in above.get_legend().get_texts()] == ["belt sticks", "events"]
 
 
+@pytest.mark.more
 def test_motion_into_given_axes(one):
     figure, axis = plt.subplots()
     found = plot.motion(one, block(), "slope of v", contacts=(), events=False, ax=axis, color="k")
@@ -100,6 +101,7 @@ def test_without_a_log_of_events_rows_say_what_sticks(one):
         np.testing.assert_allclose(drawn, np.transpose([BEGINS, ENDS]), atol=0.1)
 
 
+@pytest.mark.more
 def test_motion_of_a_dataset():
     data = time_history(block(), Motion(x=0.0, v=0.2), GRID, ["x", "v"])
     axis = plot.motion(data, observables="v")
@@ -110,6 +112,7 @@ def test_motion_of_a_dataset():
     np.testing.assert_array_equal(named, drawn)
 
 
+@pytest.mark.more
 def test_one_run_of_a_batch(one):
     other = run(0.3)
     batch = jax.tree.map(lambda *rows: jnp.stack(rows), one, other)
@@ -199,6 +202,7 @@ class Pair(AbstractMechanism):
         return {"left": Contact(law, surface_speed=0.2), "right": Contact(law)}
 
 
+@pytest.mark.more
 def test_contacts_share_the_height_and_an_angle_goes_round():
     pair = Pair(0.1)
     start = pair.state(v_x=0.2, v_theta=9.0)
@@ -295,6 +299,7 @@ def test_exponents():
     assert (axis.get_xlabel(), axis.get_ylabel()) == ("k", "exponent [1/s]")
 
 
+@pytest.mark.more
 def test_energy_account():
     ledger = energy_ledger(block(), Motion(x=0.0, v=0.2), GRID)
     above, below = plot.energy_account(ledger)
@@ -306,6 +311,7 @@ def test_energy_account():
     assert above.get_ylabel() == "energy [J]"
 
 
+@pytest.mark.more
 def test_fit():
     times = np.linspace(0.0, 4.0, 9)
     truth = Motion(x=0.3, v=0.2)

@@ -34,6 +34,7 @@ def end(until, *given):
     return run.y1.y.q, run.y1.y.v, run.y1.z, run.num_events, run.flags, run.successful
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(("n", "until", "seeds"), [(3, 40.0, range(6)), (10, 40.0, (0,))])
 def test_chains_are_their_pieces_in_closed_form(n, until, seeds):
     run, events = jax.jit(lambda *given: end(until, *given)), 0
@@ -70,6 +71,7 @@ def test_elements_that_turn_together_are_one_element_of_their_sum():
     assert int(ends[1].flags) == 0
 
 
+@pytest.mark.more
 def test_a_load_and_a_bound_that_jump_are_followed_at_once():
     def load(t, q, v, args):
         return jnp.where(t >= 3.0, 1.0, 0.2) * jnp.ones(1)

@@ -31,6 +31,7 @@ def two_tones(t, q, v, args):
     return jnp.array([0.6 * jnp.cos(0.7 * t) + 0.4 * jnp.cos(3.1 * t)])
 
 
+@pytest.mark.more
 def test_each_of_a_hundred_sliders_is_the_play_of_the_motion():
     system = under(two_tones, Jenkins([1.0], K, F))
     run = ss.simulate(
@@ -49,6 +50,7 @@ def test_each_of_a_hundred_sliders_is_the_play_of_the_motion():
     assert int(run.flags) == 0
 
 
+@pytest.mark.more
 def test_loops_obey_masings_rule():
     system = under(HarmonicForce([0.5], 1.1), Jenkins([1.0], K, F))
     times = np.linspace(0.0, 40.0, 801)
@@ -74,6 +76,7 @@ def test_loops_obey_masings_rule():
     assert np.ptp(right) > 0.8
 
 
+@pytest.mark.more
 def test_the_program_does_not_grow_with_the_sliders():
     def size(n):
         system = under(two_tones, Jenkins([1.0], np.full(n, 1.0 / n), np.linspace(0.1, 1.0, n) / n))
@@ -128,6 +131,7 @@ def test_the_four_parameters_are_stiffness_force_and_the_power_of_small_loops():
     assert k[-1] == pytest.approx(2.0 * 0.7 / (most * share), rel=1e-12)
 
 
+@pytest.mark.more
 def test_a_row_whose_sliders_have_crossed_has_no_mode():
     system = under(None, Jenkins([1.0], [1.0, 1.0], [0.1, 0.2]))
     y = system.system.state()

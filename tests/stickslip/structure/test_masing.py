@@ -61,6 +61,7 @@ def loss(system, t, y, mode, args):
     return {"loss": -system.powers(t, y, mode, args)["friction of joint"]}
 
 
+@pytest.mark.more
 def test_it_is_the_simulation_under_a_prescribed_motion():
     # A body so heavy that the element does not disturb it: x = A cos t.
     heavy, amplitude = 1e13, 0.9
@@ -88,6 +89,7 @@ def test_it_is_the_simulation_under_a_prescribed_motion():
     assert turn == pytest.approx(float(loop.dissipation), abs=1e-9)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(("exponent", "ratio"), [(-0.3, 0.5), (-0.8, 0.0), (0.0, 2.0)])
 def test_small_loops_of_a_joint_lose_by_segalmans_power(exponent, ratio):
     slip_force, stiffness = 2.0, 5.0
@@ -125,6 +127,7 @@ def test_its_ends_at_rest_without_force_and_at_any_scale():
     assert all(bool(jnp.all(jnp.isnan(part))) for part in wrong)
 
 
+@pytest.mark.more
 def test_lanes_batches_and_derivatives():
     A = np.array([[0.05, 0.2], [0.9, 4.0]])
     whole = masing_loop(ROW, A)

@@ -37,6 +37,7 @@ def orbit_of(system, w, start=0.0):
     return periodic_orbit(system, OrbitGuess(run.y1, period, t0=0.0), forced=True)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(
     "w", [w if w in (1.0, 1.1) else pytest.param(w, marks=pytest.mark.more) for w in AMPLITUDES]
 )
@@ -49,6 +50,7 @@ def test_the_steady_amplitude_is_that_of_the_closed_form(w):
     assert int(orbit.events.count) == (4 if w > 1.0 else 0)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("f_s", [0.05, pytest.param(0.3, marks=pytest.mark.more)])
 def test_other_bounds_agree_with_the_matrix_exponential(f_s):
     w = 1.15
@@ -65,6 +67,7 @@ def test_other_bounds_agree_with_the_matrix_exponential(f_s):
         np.testing.assert_allclose(found, right, atol=1e-11)
 
 
+@pytest.mark.more
 def test_a_turn_loses_what_the_loop_encloses_and_the_account_closes():
     w, f_s, k_t = 1.1, 0.1, 0.5
     system = oscillator(w, f_s, k_t)
@@ -137,6 +140,7 @@ def test_lanes_are_what_each_is_alone():
     np.testing.assert_allclose(mapped[0], alone, atol=1e-12)
 
 
+@pytest.mark.more
 def test_no_turn_is_lost_in_its_rounding():
     def run(f_s):
         system = oscillator(1.2, f_s)
@@ -152,6 +156,7 @@ def test_no_turn_is_lost_in_its_rounding():
     assert set(np.asarray(events).tolist()) == {13}
 
 
+@pytest.mark.more
 def test_a_body_that_rests_stays_where_its_springs_hold_it():
     structure = LinearStructure([[1.0]], [[0.5]], [[1.0]])
     system = WithSliders(structure, {"damper": Jenkins([1.0], 0.5, 0.1)})

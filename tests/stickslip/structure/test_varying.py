@@ -87,6 +87,7 @@ def reference(preload, slope, until):
         words.append({0: "stick", 1: "slip forward", -1: "slip backward", 2: "open"}[state])
 
 
+@pytest.mark.more
 def test_a_load_that_varies_and_lifts_off_is_followed_from_event_to_event():
     until = 30.0
     right, words = reference(0.15, 0.5, until)
@@ -104,6 +105,7 @@ def test_a_load_that_varies_and_lifts_off_is_followed_from_event_to_event():
     assert float(run.y1.integrals["friction of damper"]) < -0.1
 
 
+@pytest.mark.more
 def test_derivatives_by_the_load_of_a_slider():
     def end(p):
         system = machine(p[0], p[1])
@@ -141,6 +143,7 @@ class Block(AbstractMechanism):
         return 1 / 2.1
 
 
+@pytest.mark.more
 def test_a_contact_bears_the_force_of_a_slider_and_gives_way_to_it():
     # Preloaded by 0.3 N in the sense of the ramp: 0.2 t + 0.3 = 0.5 at one second.
     system = WithSliders(Block(0.5), {"spring": Jenkins({"x": 1.0}, K_T, 0.4)})
@@ -162,6 +165,7 @@ def test_a_contact_bears_the_force_of_a_slider_and_gives_way_to_it():
     assert words[-1] == ""
 
 
+@pytest.mark.more
 def test_sliders_on_a_mechanism_keep_its_account_of_the_energy():
     elements = {
         "curved": Jenkins(lambda q: q.x + 0.3 * jnp.sin(q.y), 1.5, 0.15),
@@ -183,6 +187,7 @@ def test_sliders_on_a_mechanism_keep_its_account_of_the_energy():
     assert np.all(np.abs(e - np.asarray(end.z[1:])) <= d * (1 + 1e-9))
 
 
+@pytest.mark.more
 def test_a_mechanism_and_a_structure_of_the_same_numbers_move_alike():
     class Pair(AbstractMechanism):
         coordinates: ClassVar = {"x": "m", "y": "m"}

@@ -39,6 +39,7 @@ def whole(tmp_path_factory):
     return path
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(
     ("function", "more"),
     [(_sweeps.small, {}), (_sweeps.small, {"chunk": 3, "shard": 6}), (_sweeps.carried, {}),
@@ -56,6 +57,7 @@ def test_workers_compute_what_one_process_does(function, more, client, tmp_path)
             assert_same(tmp_path / "store" / "refined" / step, tmp_path / "alone" / "refined" / step)
 
 
+@pytest.mark.more
 def test_the_program_of_a_motion_is_that_of_the_process_that_asks(client, tmp_path):
     """Workers compile with optimisation, unlike the quick suite: the last digits may differ."""
     alone = _sweeps.simulated(None)
@@ -93,6 +95,7 @@ def test_killed_workers_cost_time_and_no_byte(kills, client, whole, tmp_path, mo
     client.wait_for_workers(2, timeout=120)
 
 
+@pytest.mark.more
 def test_a_flipped_byte_and_a_lost_record_are_computed_again(client, whole, tmp_path):
     path = tmp_path / "store"
     sweep(path, client=client)

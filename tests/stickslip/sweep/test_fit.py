@@ -120,6 +120,7 @@ def test_smaller_chunks_are_tried_before_the_portable_executor(monkeypatch):
     assert float(jnp.abs(found - want).max()) < 1e-12
 
 
+@pytest.mark.more
 def test_the_portable_executor_comes_last_and_says_so(monkeypatch):
     seen = refusing(monkeypatch, above=1)
     mapped = ss.map_lanes(lambda v: motion(v).y1.x, executor="fused", workers=1)

@@ -25,6 +25,7 @@ print(len(lanes.devices), "well")
 """
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("devices", [1, 2])
 def test_lanes_that_call_lapack_end(devices):
     """Without the lock none of five such runs ended; the factors are those of NumPy."""

@@ -193,6 +193,7 @@ print(found.digest)
 """
 
 
+@pytest.mark.more
 def test_the_digest_is_that_of_another_process(capsys):
     """Printing and the errors of equinox do not keep a sweep from being resumed."""
     exec(DIGEST, {})

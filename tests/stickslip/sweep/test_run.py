@@ -46,6 +46,7 @@ def by_hand(backward):
     return out
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("backward", [False, True])
 @pytest.mark.parametrize("chunk", [2, 12, 1000])
 def test_carried_lanes_follow_each_other(backward, chunk, tmp_path):

@@ -101,6 +101,7 @@ def test_every_instruction_of_a_write_may_be_the_last(tmp_path, whole, monkeypat
     assert {k: v for k, v in contents(path).items() if not k.endswith(".part")} == contents(whole)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("damage", ["truncated", "altered", "missing", "empty", "record"])
 def test_damage_is_found_and_that_block_alone_computed_again(damage, tmp_path, whole, monkeypatch):
     path = tmp_path / "store"

@@ -42,6 +42,7 @@ def test_thrown_block(t1):
         assert int(solution.num_events) == 1
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("t1", [1.5, 9.0], ids=["moving", "at rest"])
 def test_derivatives_of_the_throw(t1):
     exact = derivatives(lambda **p: throw(**p, t=t1)[0], THROW)
@@ -49,6 +50,7 @@ def test_derivatives_of_the_throw(t1):
     assert {k: float(s) for k, s in slopes.items()} == pytest.approx(exact, rel=1e-12, abs=1e-13)
 
 
+@pytest.mark.more
 def test_derivatives_of_the_time_of_the_stop():
     exact = derivatives(lambda **p: throw(**p, t=9.0)[2], THROW)
     slopes = jax.jacfwd(lambda p: thrown(9.0, **p).events.t[0])(THROW)
@@ -84,6 +86,7 @@ def test_flight_and_impacts_of_the_ball():
     np.testing.assert_allclose(solution.events.y_before.v[: len(times)], -speeds, rtol=1e-12)
 
 
+@pytest.mark.more
 def test_derivatives_of_the_flight():
     exact = derivatives(lambda **p: ball(**p, t=1.9)[0], BALL)
     slopes = jax.grad(lambda p: dropped(1.9, **p).y1.x)(BALL)
@@ -113,6 +116,7 @@ def test_endless_bounces_end_with_a_code():
     np.testing.assert_allclose(few.events.t, times, rtol=1e-13)
 
 
+@pytest.mark.more
 def test_gravity_per_lane():
     """Lanes whose last impacts differ in number keep to themselves."""
     gravity = jnp.linspace(1.0, 15.0, 33)

@@ -185,6 +185,7 @@ def test_lift_off_is_seen():
     assert float(system.normal_force(0.0, raised)) < 0
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("model", MODELS)
 def test_one_factor_on_all_masses_and_forces_changes_nothing(model):
     system = make(model)

@@ -80,6 +80,7 @@ def test_initial_mode_is_admissible(name):
     assert all(np.shape(g) == () and g >= 0 for g in guards)
 
 
+@pytest.mark.more
 @every_case
 def test_transitions_keep_the_structure_and_lead_to_modes(name):
     case = CASES[name]
@@ -108,12 +109,14 @@ def test_run_is_a_success_with_events(name):
     assert bool(solution.differentiable)
 
 
+@pytest.mark.more
 @every_case
 def test_guards_hold_inside_their_modes(name):
     guards, *_ = seen(name)
     assert min(v.min() for v in guards) >= -1e-11
 
 
+@pytest.mark.more
 @every_case
 def test_no_contact_moves_against_its_friction(name):
     case, (_, values, *_) = CASES[name], seen(name)

@@ -109,6 +109,7 @@ def test_printed_sign_of_the_belt_force_creates_energy(signs):
     assert work["printed"] > 0.1
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(("sign", "factor"), [("consistent", 1.0), ("printed", -1.0)])
 def test_full_motion_is_scipys(signs, sign, factor):
     system, end = signs[sign]
@@ -273,6 +274,7 @@ def test_constructed_voltage_gives_the_constructed_belt_speed(sign):
     assert float(jax.jit(mean_belt_speed)(system)) == pytest.approx(0.12, abs=1e-6)
 
 
+@pytest.mark.more
 def test_voltage_is_found_on_a_short_run():
     """Without friction on the belt the mean speed follows from the steady motor."""
     system = BlockOnDrivenBelt.constructed(k3=85.0)

@@ -137,6 +137,7 @@ def test_static_deflection_converges_to_that_of_the_beam():
     assert abs(deflection(64, coupling="printed") - exact) > 0.03 * exact
 
 
+@pytest.mark.more
 def test_period_of_the_contact_oscillator():
     """x: half a swing on both springs, half a swing on one; no depth dependence, no effect of y."""
     period = np.pi * np.sqrt(0.1 / 30.4) + np.pi * np.sqrt(0.1 / 7.6)
@@ -150,6 +151,7 @@ def test_period_of_the_contact_oscillator():
 # Energy
 
 
+@pytest.mark.more
 def test_energy_stays_without_friction():
     """Over 100 periods of the first mode, contact opening and closing all the time."""
     system = JointedBeam.constructed(5e-3, mu_s=0.0)
@@ -160,6 +162,7 @@ def test_energy_stays_without_friction():
     assert np.ptp(energy) < 1e-9 * energy[0]
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("v", [5e-4, 5e-3])
 def test_energy_is_the_work_of_the_powers(v):
     system, solution = JointedBeam.constructed(v), motion(v)
@@ -172,6 +175,7 @@ def test_energy_is_the_work_of_the_powers(v):
     assert float(work["friction"][-1]) < -1e-9
 
 
+@pytest.mark.more
 def test_powers_of_the_printed_equations_add_up():
     """Rate of the energy along the field, in every mode, damped and as printed."""
     for words in ({}, {"joint": "printed"}, {"coupling": "printed"}, {"shape": "printed"}):
@@ -208,6 +212,7 @@ def compare(solution, v, **options):
     np.testing.assert_allclose(events.t[:count], times, rtol=0, atol=1e-8)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("v", [5e-4, 5e-3])
 def test_motion_and_events_against_scipy(v):
     """Stick-slip, and the range where the diagram bifurcates, over 20 units of time."""

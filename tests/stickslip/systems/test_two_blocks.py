@@ -89,6 +89,7 @@ def test_reverse_mode():
         np.testing.assert_allclose(slopes[name], expected[name][0], atol=1e-8 * scale)
 
 
+@pytest.mark.more
 def test_without_coupling_two_oscillators():
     solution, slopes = program(values_of(coupling=0.0), 0.0)
     for i in (1, 2):
