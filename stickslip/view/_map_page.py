@@ -13,7 +13,7 @@ from ._map import Map
 from ._module import Functions
 from ._motion import CHOSEN, MotionFigures, later
 
-# What is no attractor has no colour, as in `plot.basins`.
+# Other codes are no attractors, and have no colour, as in `plot.basins`.
 GREYS = {"not settled": "#d3d3d3", "left the limits": "#ffffff", "failed": "#000000"}
 
 

@@ -48,7 +48,7 @@ def main(arguments: list[str]) -> int:
     try:
         check_count("port", options.port, 0, 65535)
         target = None if options.html is None else _target(options.html)
-        shown = _shown(options)
+        shown = _content(options)
         if isinstance(shown, Map) and target is not None:
             raise refusal("html", options.html, "absent for a map, which needs the server")
         module = options.module
@@ -77,8 +77,8 @@ def main(arguments: list[str]) -> int:
     return 0
 
 
-def _shown(options: argparse.Namespace) -> Diagram | Map:
-    """What the file holds."""
+def _content(options: argparse.Namespace) -> Diagram | Map:
+    """The content of the file."""
     dataset = open_stored(options.path)
     if has_map(dataset) and options.x is None:
         return Map(dataset, options.path, options.observable)

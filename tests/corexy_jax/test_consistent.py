@@ -96,6 +96,7 @@ def test_converges_with_the_tolerance():
     assert error[0] < 1e-5
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("number", [1, 2, 3])
 def test_no_contact_moves_against_its_sense(number):
     found = solution(number)

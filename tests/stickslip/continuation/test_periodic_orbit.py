@@ -60,6 +60,7 @@ def test_stick_takes_one_direction_exactly(leine):
     assert bool(leine.stable)
 
 
+@pytest.mark.more
 def test_newton_takes_few_evaluations(leine):
     assert int(leine.steps) <= 8
     # The residual is rounding, of programs compiled as users do (`make test-all`) or cheaply.

@@ -126,7 +126,7 @@ class Relay(ss.AbstractHybridSystem):
         return 0
 
 
-@pytest.mark.parametrize("how", ["once", "periodic"])
+@pytest.mark.parametrize("how", ["once", pytest.param("periodic", marks=pytest.mark.more)])
 def test_a_declared_jump_through_zero_fires(how):
     def end(step):
         relay = Relay(step)

@@ -67,7 +67,13 @@ def slopes():
     return differences(crossings, P)
 
 
-@pytest.mark.parametrize("mode", [jax.jacfwd, jax.jacrev], ids=["forward", "reverse"])
+@pytest.mark.parametrize(
+    "mode",
+    [
+        pytest.param(jax.jacfwd, id="forward", marks=pytest.mark.more),
+        pytest.param(jax.jacrev, id="reverse"),
+    ],
+)
 def test_crossings_have_the_derivatives_of_the_motion(mode, slopes):
     found = jax.jit(mode(crossings))(P)
     assert jnp.max(jnp.abs(slopes[:, 1])) > 0.3

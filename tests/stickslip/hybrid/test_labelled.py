@@ -75,6 +75,7 @@ def test_a_batch(batch):
     assert own.t.dims == own.x.dims == ("case", "row")
 
 
+@pytest.mark.more
 def test_the_motion_as_a_table_has_a_row_for_each_time(run, batch):
     """The dataset as a table had one for each time and event: 3,606 for 601."""
     table = run.to_dataframe(BLOCK)

@@ -143,6 +143,7 @@ def test_many_starts_and_the_best():
     assert float(best(found).values["a"]) == pytest.approx(1.0, abs=1e-6)
 
 
+@pytest.mark.more
 def test_many_starts_compile_once_for_all_steps_and_numbers_of_starts(compiled):
     random = np.random.default_rng(3)
 

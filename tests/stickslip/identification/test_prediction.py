@@ -141,6 +141,7 @@ def test_the_truth_scores_the_noise(clean):
     assert float(EMPTY.score(TRUTH, record(clean)).fit["position"][0]) == pytest.approx(1.0)
 
 
+@pytest.mark.more
 def test_a_fit_of_other_unknowns_is_refused(fit):
     other = Problem(
         block, lambda p, inputs: Motion(x=p["x"], v=0.2),

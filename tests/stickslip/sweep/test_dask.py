@@ -110,6 +110,7 @@ def test_a_flipped_byte_and_a_lost_record_are_computed_again(client, whole, tmp_
     assert json.loads((path / "runs.jsonl").read_text().splitlines()[-2])["blocks_to_do"] == 2
 
 
+@pytest.mark.more
 def test_a_full_disk_keeps_what_is_finished_and_frees_the_workers(client, tmp_path, monkeypatch):
     path, write, left = tmp_path / "store", store_module.write_whole, [40]
 
