@@ -111,7 +111,6 @@ def test_too_short_a_time_settles_nothing_and_says_so(wells):
     assert np.all(np.isnan(found.entry))
 
 
-@pytest.mark.more
 def test_motions_that_leave_and_runs_that_fail():
     limits = Settle(20.0, limits={"x": (-1.5, 1.5)})
     found = basins(Wells(-0.1), Wells().state(), SQUARE, limits, points=(4, 4))

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from stickslip.basin import Settle, basins, border_shares
+from stickslip.basin._border_shares import _Plane
 from stickslip.mechanism import AbstractMechanism
 
 from ._systems import OnBelt, TwoWells, Wells, saddle_border
@@ -99,6 +100,24 @@ def test_a_basin_inside_of_the_box_is_that_inside_of_the_orbit():
         for box in (wide, wider)
     ]
     assert found[0]["fixed point 1"] == pytest.approx(2.0 * found[1]["fixed point 1"], rel=1e-9)
+
+
+class Saddle(_Plane):
+    """A box about the saddle of x' = x, v' = -v, whose motions are closed forms."""
+
+    def __init__(self):
+        super().__init__(None, Settle(30.0), [], np.array([[-1.0, 1.0], [-1.0, 1.0]]), [0, 1])
+
+    def motion(self, place, t1):
+        t = np.linspace(0.0, t1, 4001)
+        return place * np.exp(np.outer(t, [1.0, -1.0]))
+
+
+def test_a_border_goes_from_the_edge_to_its_saddle():
+    arc = Saddle().border(np.array([0.0, 1.0]), np.array([1.0, 0.0]), left=0, right=1)
+    np.testing.assert_allclose(arc.places[0], [0.0, 1.0], rtol=0)
+    np.testing.assert_allclose(arc.places[-1], [0.0, 0.0], atol=1e-5)
+    assert (arc.left, arc.right, arc.through) == (0, 1, False)
 
 
 @pytest.mark.more

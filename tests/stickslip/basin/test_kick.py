@@ -23,7 +23,6 @@ def wells():
     return basins(Wells(), Wells().state(), SQUARE, Settle(100.0), points=(8, 8))
 
 
-@pytest.mark.more
 @pytest.mark.parametrize(
     "by", [pytest.param({"x": 1.0, "v_x": 1.0}, marks=pytest.mark.more), {"x": 0.2, "v_x": 1.0}]
 )
