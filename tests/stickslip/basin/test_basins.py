@@ -259,6 +259,8 @@ def test_many_starts_in_a_store_are_judged_as_in_the_map(wells, tmp_path):
     np.testing.assert_allclose(whole.x, wells.starts.x[:, 0], rtol=0)
     np.testing.assert_allclose(whole.v_x, wells.starts.v_x[0], rtol=0)
     assert whole.code.attrs["flag_meanings"].startswith("fixed_point_1 fixed_point_2 not_settled ")
+    told = ss.sweep.sweep_status(tmp_path / "a")["codes"]["code"]
+    assert told == {f"fixed_point_{k + 1}": int(np.sum(wells.code == k)) for k in (0, 1)}
     judge = Judge(Wells(), wells, Settle(100.0, limits={"x": (-1.2, 1.2)}))
     left = ss.sweep.run_sweep(judge, {"start": np.arange(64)}, inputs=judge.spread(64))
     assert set(left.code.values) == {-2, 0, 1}
