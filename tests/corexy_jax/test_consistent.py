@@ -144,6 +144,7 @@ def test_within_a_mode_the_printed_models_hold():
     assert len(sliding) == 200
 
 
+@pytest.mark.more
 def test_permuting_the_motors_mirrors_y():
     swapped = cx.CoreXYParameters(P1=30.0, P2=20.0, mu_1s_b=10.0, mu_2s_b=10.0)
     other = run(swapped, shared(3, swap=1.0)[1], jnp.asarray(6.0), jnp.asarray(1e-10))

@@ -159,6 +159,7 @@ def test_many_starts_compile_once_for_all_steps_and_numbers_of_starts(compiled):
     assert not compiled
 
 
+@pytest.mark.more
 def test_many_starts_show_how_far_they_are(monkeypatch, capsys):
     monkeypatch.setenv("STICKSLIP_PROGRESS", "on")
     starts = {"a": np.array([0.3, 2.0, 1.2]), "b": np.array([3.0, 0.2, 1.0])}

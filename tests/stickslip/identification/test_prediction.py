@@ -161,6 +161,7 @@ def test_a_fit_of_other_unknowns_is_refused(fit):
         EMPTY.predict(fit, level=1.0)
 
 
+@pytest.mark.more
 def test_a_picture_has_both_bands_and_the_data(problem, fit):
     found = problem.predict(fit)
     axis, below = plot.prediction(found)
