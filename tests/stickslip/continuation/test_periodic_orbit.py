@@ -69,7 +69,6 @@ def test_newton_takes_few_evaluations(leine):
     assert float(leine.closing_error) < 1e-10
 
 
-@pytest.mark.more
 @pytest.mark.parametrize(
     ("start", "mode", "period"),
     [
