@@ -106,7 +106,7 @@ class Saddle(_Plane):
     """A box about the saddle of x' = x, v' = -v, whose motions are closed forms."""
 
     def __init__(self):
-        super().__init__(None, Settle(30.0), [], np.array([[-1.0, 1.0], [-1.0, 1.0]]), [0, 1])
+        self.settle, self.limits = Settle(30.0), np.array([[-1.0, 1.0], [-1.0, 1.0]])
 
     def motion(self, place, t1):
         t = np.linspace(0.0, t1, 4001)

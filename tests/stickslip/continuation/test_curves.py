@@ -1,6 +1,5 @@
 """Curves of special points over two parameters, against closed forms and independent integration."""
 
-from types import SimpleNamespace
 from typing import Any, ClassVar, NamedTuple
 
 import jax.numpy as jnp
@@ -21,6 +20,7 @@ from stickslip.continuation import (
     periodic_orbit,
 )
 from stickslip.continuation._curves import Place
+from stickslip.continuation._point import Point
 from tests.stickslip.continuation._systems import (
     Bouncing,
     CoulombForced,
@@ -265,8 +265,12 @@ def test_a_place_led_to_has_a_direction_however_near_it_is(away):
     np.testing.assert_allclose(new.normal, [-np.cos(away), -np.sin(away)], atol=1e-6)
 
 
-def seen_at(u) -> Any:
-    return SimpleNamespace(u=np.asarray(u), tangent=np.eye(2))
+def seen_at(u) -> Point:
+    """A point of which nothing is known but where it is, and that the plane of orbits is that of u."""
+    point = object.__new__(Point)
+    for name, value in (("u", np.asarray(u)), ("tangent", np.eye(2))):
+        object.__setattr__(point, name, value)
+    return point
 
 
 class Cycle(NamedTuple):
