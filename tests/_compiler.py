@@ -14,9 +14,6 @@ _PASSES_OVER_LOOPS = (
     "while-loop-trip-count-annotator",
 )
 
-SETTINGS = {"jax_disable_most_optimizations": True, "jax_traceback_in_locations_limit": 0}
-"""Options of JAX: no optimisation, and no line of source for each operation."""
-
 
 def xla_flags() -> list[str]:
     """Flags that XLA reads when a process makes its first array."""

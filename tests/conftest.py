@@ -15,7 +15,7 @@ import matplotlib
 import pytest
 
 from tests._budget import Budget
-from tests._compiler import SETTINGS, xla_flags
+from tests._compiler import xla_flags
 
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_rank_promotion", "raise")
@@ -43,8 +43,8 @@ def pytest_configure(config: pytest.Config) -> None:
     config.pluginmanager.register(Budget(config), "budget")
     flags = ["--xla_force_host_platform_device_count=2"]
     if "not slow" in config.option.markexpr:
-        for name, value in SETTINGS.items():
-            jax.config.update(name, value)
+        jax.config.update("jax_disable_most_optimizations", True)
+        jax.config.update("jax_traceback_in_locations_limit", 0)  # no line of source for each operation
         flags += xla_flags()
     # Tracing makes millions of small objects that live on; to look through them all again and again
     # takes a sixth of its time.

@@ -12,14 +12,14 @@ import jupytext
 import nbformat
 from nbclient import NotebookClient
 
-from tests._compiler import SETTINGS, xla_flags
+from tests._compiler import xla_flags
 
 FOLDER = Path(__file__).parents[1]
 ROOT = FOLDER.parent
 PACKAGES = ("stickslip", "corexy_jax", "experiments")
 _QUICK = {"NOTEBOOK_QUICK": "1", "STICKSLIP_EXECUTOR": "portable"}
-_CHEAP = {name.upper(): str(int(value)) for name, value in SETTINGS.items()}
-_CHEAP["XLA_FLAGS"] = " ".join(xla_flags())
+# Optimised, unlike the tests: a map of basins runs for twice as long as it compiles.
+_CHEAP = {"XLA_FLAGS": " ".join(xla_flags())}
 
 
 def read(text: str) -> nbformat.NotebookNode:
