@@ -6,19 +6,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import BoundaryNorm, ListedColormap
 
+from .._attractor_color import attractor_color
 from .._types import Given
 from .._validation import check_type, refusal
 from ..basin import Basins, BasinsOver
 from ..hybrid import AbstractHybridSystem
 from ..hybrid.components import components_of, entries, split, unit_of
 from . import _axes
-
-COLORS = ("#4477aa", "#ccbb44", "#66ccee", "#228833", "#aa3377", "#ee6677", "#997700", "#004488")
-OTHERS = {"not settled": "lightgrey", "left the limits": "white", "failed": "black"}
-
-
-def _color(name: str, number: int) -> str:
-    return OTHERS.get(name, COLORS[number % len(COLORS)])
 
 
 def basins(
@@ -48,7 +42,7 @@ def basins(
     columns = components_of(found.starts)
     x, y = (_column(columns, name, found.code.ndim) for name in names)
     for number, (code, name) in enumerate(found.names.items()):
-        here, color = found.code == code, _color(name, number)
+        here, color = found.code == code, attractor_color(name, number)
         look = {"color": color, **options}
         if found.code.ndim == 2 and tuple(names) in (known, known[::-1]):
             cells = np.ma.masked_where(~here, here.astype(float))
@@ -81,7 +75,9 @@ def shares(found: Given[BasinsOver], *, ax: Given[Axes | None] = None, **options
     axis, options = _axes.begin(ax, options, color="white", linewidth=1.0)
     low = np.zeros(len(found.values))
     for number, (name, share) in enumerate(found.shares.items()):
-        axis.fill_between(found.values, low, low + share, color=_color(name, number), label=name)
+        axis.fill_between(
+            found.values, low, low + share, color=attractor_color(name, number), label=name
+        )
         low = low + share
         axis.plot(found.values, low, **options)
     axis.set_xlabel(found.parameter)

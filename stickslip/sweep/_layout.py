@@ -20,6 +20,14 @@ REFINE = "refine"
 _FILL = {"f": np.nan, "c": np.nan, "i": -1, "u": 0, "b": False}
 
 
+def _fill(dtype: np.dtype, attributes: Mapping[str, Any]) -> Any:
+    """The value that stands where nothing is computed: of a code, none that has a meaning."""
+    usual, taken = _FILL[dtype.kind], np.ravel(attributes.get("flag_values", []))
+    if dtype.kind not in "iu" or usual not in taken:
+        return usual
+    return int(min(taken)) - 1 if dtype.kind == "i" else int(max(taken)) + 1
+
+
 @dataclasses.dataclass(frozen=True)
 class Layout:
     """Names, shapes and labels of everything in the store."""
@@ -73,7 +81,7 @@ class Layout:
                     chunks=(*self.sides, *whole),
                     shards=None if self.shard == self.sides else (*self.shard, *whole),
                     dtype=dtype,
-                    fill_value=_FILL[dtype.kind],
+                    fill_value=_fill(dtype, attributes[f"array {name}"]),
                     dimension_names=self.dims(name),
                     attributes=attributes[f"array {name}"],
                 )

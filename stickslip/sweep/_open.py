@@ -28,9 +28,10 @@ def open_dataset(path: str | os.PathLike, *, verify: bool = True) -> xr.Dataset:
       damaged store or one of an older format, as far as that goes.
 
     **Returns** an `xarray.Dataset`. Its attribute `sweep_state` is `"finished"` or, e.g.,
-    `"unfinished: 3 of 8 blocks"`, where the others hold NaN, -1, 0 or `False`; `sweep_verified` is
-    `"yes"` or `"no"`. (`run_sweep` returns the same with `"by size and age"`, see there.) A sweep that
-    is refined is read into memory: all points that are known, as `refine_sweep` returns them.
+    `"unfinished: 3 of 8 blocks"`, where the others hold NaN, -1, 0 or `False`, and a code that has one
+    of these among its `flag_values` the next number beyond them; `sweep_verified` is `"yes"` or `"no"`.
+    (`run_sweep` returns the same with `"by size and age"`, see there.) A sweep that is refined is read
+    into memory: all points that are known, as `refine_sweep` returns them.
 
     **Errors** `TypeError` if `path` is not a path, `ValueError` if it is not a store, or a file in
     it is not as it was written: the message names the file. `run_sweep` with the same arguments repairs

@@ -1,4 +1,4 @@
-"""The page on the local server: clicks and regions are answered by Python."""
+"""The page of a diagram on the local server: clicks and regions are answered by Python."""
 
 import html
 from collections.abc import Callable
@@ -9,8 +9,6 @@ import xarray as xr
 
 from .._validation import refusal
 from ._diagram import Diagram, Lanes
-from ._map import Map
-from ._map_page import MapPage
 from ._module import Functions
 from ._motion import later
 from ._page import Page, page_of
@@ -142,32 +140,3 @@ def columns_of(lanes: Lanes) -> dict[str, np.ndarray]:
         "status": status.astype(np.int32),
         "period": np.repeat(lanes.period, counts).astype(np.int32),
     }
-
-
-def start_server(shown: Diagram | Map, functions: Functions | None, port: int) -> Any:
-    """A server of bokeh with the page, on this machine only, that answers once its loop runs."""
-    from bokeh.server.server import Server
-
-    def page(document: Any) -> None:
-        if isinstance(shown, Map):
-            MapPage(shown, functions, document)
-        else:
-            Live(shown, functions, document)
-
-    server: Any = Server(page, port=port, address="localhost")
-    server.start()
-    return server
-
-
-def serve(shown: Diagram | Map, functions: Functions | None, *, port: int, browser: bool) -> None:
-    """The page at a port of this machine, until Ctrl-C. Errors: `OSError` for a port in use."""
-    server = start_server(shown, functions, port)
-    print(f"{shown.title}\nhttp://localhost:{server.port}/ (Ctrl-C ends it)", flush=True)
-    if browser:
-        server.io_loop.add_callback(server.show, "/")
-    try:
-        server.io_loop.start()
-    except KeyboardInterrupt:
-        print("The viewer has ended; nothing was changed.")
-    finally:
-        server.stop()

@@ -3,54 +3,43 @@
 import html
 from typing import Any
 
-import numpy as np
 from bokeh.layouts import column, row
 from bokeh.models import CategoricalColorMapper, ColumnDataSource, Div, HoverTool
-from bokeh.palettes import Bright7
 from bokeh.plotting import figure
 
+from .._attractor_color import attractor_color
 from ._map import Map
 from ._module import Functions
-from ._motion import CHOSEN, MotionFigures, later
+from ._motion import CHOSEN, MotionFigures, later, small
 
-# Other codes are no attractors, and have no colour, as in `plot.basins`.
-GREYS = {"not settled": "#d3d3d3", "left the limits": "#ffffff", "failed": "#000000"}
-
-
-def colours_of(words: list[str]) -> list[str]:
-    """A colour for each word: seven that colour-blind people tell apart, or a grey."""
-    return [GREYS.get(word, Bright7[k % len(Bright7)]) for k, word in enumerate(words)]
+MOST_CELLS = 200_000  # that a browser draws without a pause
 
 
 class MapPage:
     """The page with its state: the chosen cell, and the motion from there if a module computes it."""
 
-    def __init__(self, map: Map, functions: Functions | None, document: Any):
-        self.map, self.document = map, document
+    def __init__(self, shown: Map, functions: Functions | None, document: Any):
+        self.shown, self.document = shown, document
         self.orbit = None if functions is None else functions.orbit
         self.asked = 0  # number of the last click: answers to earlier ones come too late
-        across, up = map.labels
+        across, up = shown.labels
         plot: Any = figure(
-            height=460, sizing_mode="stretch_width", title=map.title.replace("$", ""),
+            height=460, sizing_mode="stretch_width", title=shown.title.replace("$", ""),
             x_axis_label=across, y_axis_label=up, tools="pan,wheel_zoom,box_zoom,reset,save",
         )  # fmt: skip
-        plot.toolbar.logo = None
-        x, y = (a.ravel() for a in np.meshgrid(map.x, map.y))
-        word = np.array(map.words)[map.number].ravel()
-        data = {"x": x, "y": y, "word": word, **{k: v.ravel() for k, v in map.beside.items()}}
-        self.cells = ColumnDataSource(data, name="cells")
-        mapper = CategoricalColorMapper(factors=map.words, palette=colours_of(map.words))
-        colour: Any = {"field": "word", "transform": mapper}
-        glyphs = plot.rect(
-            "x", "y", width=map.x[1] - map.x[0], height=map.y[1] - map.y[0], source=self.cells,
-            fill_color=colour, line_color=colour, legend_group="word",
+        small(plot)
+        self.cells = ColumnDataSource(shown.columns(MOST_CELLS), name="cells")
+        colors = [attractor_color(word, number) for number, word in enumerate(shown.words)]
+        mapper = CategoricalColorMapper(factors=shown.words, palette=colors)
+        color: Any = {"field": "word", "transform": mapper}
+        glyphs = plot.quad(
+            "left", "right", "bottom", "top", source=self.cells, fill_color=color, line_color=color,
+            legend_group="word",
         )  # fmt: skip
-        tips = [(key, "@{" + key + "}{0.[0000]}") for key in map.beside]
-        places = [(key, f"@{at}{{0.[000000]}}") for key, at in zip(map.parameters, "xy", strict=True)]
         plot.add_layout(plot.legend[0], "right")
-        plot.add_tools(
-            HoverTool(renderers=[glyphs], tooltips=[(map.code, "@word"), *places, *tips], limit=1)
-        )
+        tips = [(key, f"@{at}{{0.[000000]}}") for key, at in zip(shown.parameters, "xy", strict=True)]
+        tips += [(key, f"@{{beside {k}}}{{0.[0000]}}") for k, key in enumerate(shown.beside)]
+        plot.add_tools(HoverTool(renderers=[glyphs], tooltips=[(shown.code, "@word"), *tips], limit=1))
         self.marker = ColumnDataSource({"x": [], "y": []}, name="marker")
         plot.scatter(
             "x", "y", source=self.marker, marker="circle_cross", size=14, line_width=2,
@@ -66,16 +55,18 @@ class MapPage:
         notes = "A click on the map chooses the nearest cell" + (
             " and shows the motion from there." if self.orbit else "; --with has its motion computed."
         )
+        if shown.number.size > MOST_CELLS:
+            notes += f" Of {shown.number.size:,} cells only {len(self.cells.data['x']):,} are drawn."
         told = Div(text=html.escape(notes), disable_math=True, name="notes")
-        document.title = map.title
+        document.title = shown.title
         document.add_root(
             column(plot, told, self.chosen, self.message, *figures, sizing_mode="stretch_width")
         )
 
     def choose(self, x: float, y: float) -> None:
         """Show the cell nearest to a place, and have the motion from there computed."""
-        cell = self.map.cell(x, y)
-        point, words = self.map.point(cell), self.map.in_words(cell)
+        cell = self.shown.cell(x, y)
+        point, words = self.shown.point(cell), self.shown.in_words(cell)
         across, up = point.values()
         self.marker.data = {"x": [across], "y": [up]}
         self.chosen.text = html.escape(words)

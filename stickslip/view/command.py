@@ -4,6 +4,7 @@ import argparse
 import importlib.util
 import pathlib
 import sys
+from typing import Any
 
 import xarray as xr
 
@@ -22,7 +23,7 @@ def main(arguments: list[str]) -> int:
     """Run the command; returns the exit status."""
     parser = argparse.ArgumentParser(
         prog="python -m stickslip view",
-        description="Show an orbit diagram, or a map of basins, in the browser: a click shows one.",
+        description="Show an orbit diagram, or a map of basins in the browser; a click shows a motion.",
         epilog="The page is on this machine only. With --html it is a file of its own, under 5 MB.",
     )
     parser.add_argument("path", metavar="STORE_OR_FILE", help="a netCDF file, or a sweep's store")
@@ -49,28 +50,34 @@ def main(arguments: list[str]) -> int:
         check_count("port", options.port, 0, 65535)
         target = None if options.html is None else _target(options.html)
         shown = _content(options)
-        if isinstance(shown, Map) and target is not None:
-            raise refusal("html", options.html, "absent for a map, which needs the server")
         module = options.module
         functions = None if module is None else import_functions(module, shown.parameters)
     except (ValueError, TypeError) as error:
         print(error, file=sys.stderr)
         return 2
-    if target is not None:
+    if target is not None and isinstance(shown, Diagram):
         from ._file import write_file
 
         try:
-            assert isinstance(shown, Diagram)
             size = write_file(shown, functions, target)
         except ValueError as error:
             print(error, file=sys.stderr)
             return 2
         print(f"{target}: {size / 1e6:.2f} MB")
         return 0
-    from ._live import serve
+    from ._live import Live
+    from ._map_page import MapPage
+    from ._server import serve
+
+    def page(document: Any) -> Live | MapPage:
+        return (
+            MapPage(shown, functions, document)
+            if isinstance(shown, Map)
+            else Live(shown, functions, document)
+        )
 
     try:
-        serve(shown, functions, port=options.port, browser=not options.no_browser)
+        serve(shown.title, page, port=options.port, browser=not options.no_browser)
     except OSError as error:
         print(f"port = {options.port}: it must be one that is free ({error}).", file=sys.stderr)
         return 2
@@ -81,6 +88,8 @@ def _content(options: argparse.Namespace) -> Diagram | Map:
     """The content of the file."""
     dataset = open_stored(options.path)
     if has_map(dataset) and options.x is None:
+        if options.html is not None:
+            raise refusal("html", options.html, "absent for a map, which needs the server")
         return Map(dataset, options.path, options.observable)
     return Diagram(dataset, options.path, x=options.x, observable=options.observable)
 

@@ -249,6 +249,7 @@ def test_many_starts_in_a_store_are_judged_as_in_the_map(wells, tmp_path):
     storage = ss.sweep.Storage(tmp_path / "a", chunk=36)
     half = ss.sweep.run_sweep(judge, grid, store=storage, labels=judge.labels, part=(0, 2))
     assert half.attrs["sweep_state"] != "finished"
+    assert set(half.code.values.ravel()) == {-4, 0, 1}  # -1, "not settled", is for what was judged
     whole = ss.sweep.run_sweep(judge, grid, store=storage, labels=judge.labels)
     again = ss.sweep.run_sweep(judge, grid, labels=judge.labels)
     for name in ("code", "entry"):

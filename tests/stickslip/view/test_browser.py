@@ -7,9 +7,11 @@ import pytest
 
 from stickslip.__main__ import main
 from stickslip.view._diagram import Diagram
-from stickslip.view._live import start_server
+from stickslip.view._live import Live
 from stickslip.view._map import Map
+from stickslip.view._map_page import MapPage
 from stickslip.view._module import import_functions
+from stickslip.view._server import start_server
 from tests.stickslip.view import _chromium
 from tests.stickslip.view._made_up import A, diagram_of, sections_of
 from tests.stickslip.view._made_up_map import map_of
@@ -109,7 +111,7 @@ def test_sections_are_chosen_on_the_page(tmp_path):
 async def ask(diagram):
     """What the server's page shows after a click, an orbit that fails, a dragged region, and back."""
     functions = import_functions("tests.stickslip.view._made_up", diagram.parameters)
-    server = start_server(diagram, functions, 0)
+    server = start_server(lambda document: Live(diagram, functions, document), 0)
     try:
         async with _chromium.open_page(f"http://localhost:{server.port}/") as page:
             await page.until(READY)
@@ -139,10 +141,10 @@ def test_the_server_asks_the_users_functions(capsys):
     assert "ArithmeticError" in capsys.readouterr().err
 
 
-async def walk(map):
+async def walk(shown):
     """What the server's page of a map shows after a click, and the colours of its legend."""
-    functions = import_functions("tests.stickslip.view._made_up_map", map.parameters)
-    server = start_server(map, functions, 0)
+    functions = import_functions("tests.stickslip.view._made_up_map", shown.parameters)
+    server = start_server(lambda document: MapPage(shown, functions, document), 0)
     try:
         async with _chromium.open_page(f"http://localhost:{server.port}/") as page:
             await page.until(READY.replace("drawn", "cells"))

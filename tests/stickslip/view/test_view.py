@@ -10,7 +10,7 @@ import xarray as xr
 from stickslip.__main__ import main
 from tests.stickslip.view import _alone
 from tests.stickslip.view._made_up import A, diagram_of, sections_of
-from tests.stickslip.view._made_up_map import V, X, map_of
+from tests.stickslip.view._made_up_map import WORDS, V, X, map_of
 
 pytest.importorskip("bokeh", reason="the viewer's extra is not installed")
 from bokeh.document import Document
@@ -173,12 +173,52 @@ def test_a_map_without_a_module_says_what_each_cell_is():
     assert page.chosen.text.startswith("v = -0.5 m/s, x = 0.5 m: fixed point 1")
 
 
+def test_cells_of_any_grid_meet_halfway():
+    """Uneven, and stored backwards; a quantity that is named as a coordinate takes no place of it."""
+    uneven = map_of().assign_coords(x=2.0 ** np.arange(X.size)).isel(x=slice(None, None, -1))
+    shown = Map(uneven.assign(y=uneven.entry, left=uneven.entry), "made up")
+    cells = MapPage(shown, None, Document()).cells.data
+    for low, high, x, v, word in zip(
+        *(cells[k] for k in ("left", "right", "x", "y", "word")), strict=True
+    ):
+        # Between 1, 2, 4, ... are 1.5, 3, 6, ...; the cells at both ends are as wide to both sides.
+        assert (low, high) == (0.5 if x == 1.0 else 0.75 * x, 640.0 if x == 512.0 else 1.5 * x)
+        assert word == shown.words[shown.number[shown.cell(x, v)]]
+        assert word == WORDS[int(uneven.code.sel(x=x, v=v))].replace("_", " ")
+    assert list(shown.beside) == ["entry", "y", "left"]
+
+
+def test_a_map_that_is_not_finished_says_so():
+    code = map_of().code
+    code[2:4] = -4
+    part = map_of().assign(code=code).assign_attrs(sweep_state="unfinished: 8 of 10 blocks")
+    shown = Map(part, "made up")
+    page = MapPage(shown, None, Document())
+    page.choose(X[2], V[0])
+    assert page.chosen.text.startswith("x = -0.5 m, v = -1.5 m/s: not computed")
+    assert np.sum(page.cells.data["word"] == "not computed") == 2 * V.size
+
+
+def test_a_large_map_is_thinned_and_each_of_its_cells_is_found():
+    x, v = np.linspace(0.0, 1.0, 1501), np.linspace(-1.0, 1.0, 1001)
+    code = (x[:, None] > np.abs(v)).astype(int)
+    words = {"flag_meanings": "low high"}
+    large = xr.Dataset({"code": (("x", "v"), code, words)}, {"x": x, "v": v})
+    shown = Map(large, "made up")
+    page = MapPage(shown, None, Document())
+    assert 50_000 < len(page.cells.data["x"]) <= 200_000
+    page.choose(0.5006, 0.5004)
+    assert page.chosen.text == "x = 0.5006667, v = 0.5: high"
+
+
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        (lambda m: m.assign_coords(x=X**3), "coordinate x grows evenly"),
-        (lambda m: m.isel(v=[0]), "coordinate v grows evenly"),
+        (lambda m: m.assign_coords(x=np.zeros(X.size)), "coordinate x has two finite values"),
+        (lambda m: m.assign_coords(x=np.append(X[:-1], np.nan)), "coordinate x has two finite values"),
+        (lambda m: m.isel(v=[0]), "coordinate v has two finite values"),
         (lambda m: m.assign(code=m.code.copy(data=7 + m.code.values)), "a word for each"),
+        (lambda m: m.assign(code=m.code.assign_attrs(flag_values=[0, 1])), "as many flag_values"),
     ],
 )
 def test_a_map_that_cannot_be_drawn_is_refused(wrong, message):
