@@ -75,9 +75,7 @@ def reference(path, belts, mu, h, steps):
 
 
 @pytest.mark.more
-@pytest.mark.parametrize(
-    ("mu", "within"), [(0.0, 1e-3), pytest.param(0.015, 0.02, marks=pytest.mark.more)]
-)
+@pytest.mark.parametrize(("mu", "within"), [(0.0, 1e-3), (0.015, 0.02)])
 def test_the_head_moves_as_by_another_integration(mu, within):
     """At a place of its own and with different belts; with friction as far as that is rounded."""
     path, h, steps = sweep(45.0, x=0.05, y=-0.1), 1.0 / 12800.0, 1600

@@ -28,7 +28,7 @@ def test_the_continuous_cycle_is_that_of_the_closed_form():
 
 
 @pytest.mark.more
-@pytest.mark.parametrize("late", [False, pytest.param(True, marks=pytest.mark.more)])
+@pytest.mark.parametrize("late", [False, True])
 def test_a_forced_orbit_repeats_whole_samples(late):
     """The axis follows a sine of 100 samples; the orbit is where a long run ends."""
     w, delays = np.pi, {"delay": 1, "latency": 0.005} if late else {}

@@ -38,9 +38,7 @@ def orbit_of(system, w, start=0.0):
 
 
 @pytest.mark.more
-@pytest.mark.parametrize(
-    "w", [w if w in (1.0, 1.1) else pytest.param(w, marks=pytest.mark.more) for w in AMPLITUDES]
-)
+@pytest.mark.parametrize("w", AMPLITUDES)
 def test_the_steady_amplitude_is_that_of_the_closed_form(w):
     orbit = orbit_of(oscillator(w), w)
     assert bool(orbit.successful), str(orbit)
@@ -51,7 +49,7 @@ def test_the_steady_amplitude_is_that_of_the_closed_form(w):
 
 
 @pytest.mark.more
-@pytest.mark.parametrize("f_s", [0.05, pytest.param(0.3, marks=pytest.mark.more)])
+@pytest.mark.parametrize("f_s", [0.05, 0.3])
 def test_other_bounds_agree_with_the_matrix_exponential(f_s):
     w = 1.15
     reference = Reference(np.eye(1), [[0.04]], np.eye(1), [0.1], w, [[1.0]], [0.5], [f_s])

@@ -7,9 +7,19 @@ import subprocess
 import sys
 import time
 
+import jax.numpy as jnp
+import numpy as np
 import pytest
 
-from stickslip.sweep import Storage, open_dataset, run_sweep, sweep_status
+from stickslip.sweep import (
+    Compute,
+    Labels,
+    Storage,
+    Variable,
+    open_dataset,
+    run_sweep,
+    sweep_status,
+)
 from stickslip.sweep import _store as store_module
 from tests.house._repository import ROOT
 from tests.stickslip.sweep import _sweeps
@@ -31,6 +41,26 @@ def test_parts_make_the_bytes_of_one_call(whole, tmp_path):
     states = [_sweeps.small(path, part=(i, 3)).attrs["sweep_state"] for i in (2, 0, 1)]
     assert states == ["unfinished: 1 of 5 blocks", "unfinished: 3 of 5 blocks", "finished"]
     assert contents(path) == contents(whole)
+
+
+@pytest.mark.parametrize(
+    ("words", "kind", "absent"),
+    [([-1, 0, 1], np.int64, -2), ([0, 1], np.int64, -1), ([0, 1], np.uint8, 2), ([1, 2], np.uint8, 0)],
+)
+def test_a_code_that_is_not_computed_is_none_of_its_words(words, kind, absent, tmp_path):
+    def code(k):
+        return {"code": jnp.asarray(words, kind)[jnp.asarray(k, int) % len(words)]}
+
+    attributes = {"flag_values": words, "flag_meanings": " ".join("abc"[: len(words)])}
+    done = run_sweep(
+        code, {"k": np.arange(8)}, store=Storage(tmp_path / "store", chunk=4), part=(0, 2),
+        labels=Labels({"code": Variable(attrs=attributes)}),
+        compute=Compute("portable", progress=False),
+    )  # fmt: skip
+    expected = [words[k % len(words)] for k in range(8)]
+    assert sorted(done.code.values.tolist()) == sorted([*expected[:4], *[absent] * 4])
+    counts = sweep_status(tmp_path / "store")["codes"]["code"]
+    assert sum(counts.values()) == 4
 
 
 def test_a_later_call_completes_what_is_missing_and_a_share_is_the_same_each_time(whole, tmp_path):
