@@ -10,10 +10,8 @@ import xarray as xr
 from .._validation import refusal
 from ._diagram import Diagram, Lanes
 from ._module import Functions
-from ._motion import later
+from ._motion import MOST_DRAWN, later
 from ._page import Page, page_of
-
-MOST_DRAWN = 200_000  # points that a browser draws without a pause
 
 
 class Live:

@@ -10,9 +10,7 @@ from bokeh.plotting import figure
 from .._attractor_color import attractor_color
 from ._map import Map
 from ._module import Functions
-from ._motion import CHOSEN, MotionFigures, later, small
-
-MOST_CELLS = 200_000  # that a browser draws without a pause
+from ._motion import CHOSEN, MOST_DRAWN, MotionFigures, later, small
 
 
 class MapPage:
@@ -28,7 +26,7 @@ class MapPage:
             x_axis_label=across, y_axis_label=up, tools="pan,wheel_zoom,box_zoom,reset,save",
         )  # fmt: skip
         small(plot)
-        self.cells = ColumnDataSource(shown.columns(MOST_CELLS), name="cells")
+        self.cells = ColumnDataSource(shown.columns(MOST_DRAWN), name="cells")
         colors = [attractor_color(word, number) for number, word in enumerate(shown.words)]
         mapper = CategoricalColorMapper(factors=shown.words, palette=colors)
         color: Any = {"field": "word", "transform": mapper}
@@ -55,7 +53,7 @@ class MapPage:
         notes = "A click on the map chooses the nearest cell" + (
             " and shows the motion from there." if self.orbit else "; --with has its motion computed."
         )
-        if shown.number.size > MOST_CELLS:
+        if shown.number.size > MOST_DRAWN:
             notes += f" Of {shown.number.size:,} cells only {len(self.cells.data['x']):,} are drawn."
         told = Div(text=html.escape(notes), disable_math=True, name="notes")
         document.title = shown.title

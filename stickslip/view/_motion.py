@@ -12,6 +12,7 @@ from bokeh.plotting import figure
 from ._module import motion
 
 GOOD, BAD, CHOSEN = "#1f4e9c", "#c0392b", "#b7791f"
+MOST_DRAWN = 200_000  # points or cells that a browser draws without a pause
 SIZE = {
     "height": 300,
     "sizing_mode": "stretch_width",

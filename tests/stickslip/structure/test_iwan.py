@@ -31,7 +31,6 @@ def two_tones(t, q, v, args):
     return jnp.array([0.6 * jnp.cos(0.7 * t) + 0.4 * jnp.cos(3.1 * t)])
 
 
-@pytest.mark.more
 def test_each_of_a_hundred_sliders_is_the_play_of_the_motion():
     system = under(two_tones, Jenkins([1.0], K, F))
     run = ss.simulate(

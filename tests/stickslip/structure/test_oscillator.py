@@ -48,8 +48,7 @@ def test_the_steady_amplitude_is_that_of_the_closed_form(w):
     assert int(orbit.events.count) == (4 if w > 1.0 else 0)
 
 
-@pytest.mark.more
-@pytest.mark.parametrize("f_s", [0.05, 0.3])
+@pytest.mark.parametrize("f_s", [0.05, pytest.param(0.3, marks=pytest.mark.more)])
 def test_other_bounds_agree_with_the_matrix_exponential(f_s):
     w = 1.15
     reference = Reference(np.eye(1), [[0.04]], np.eye(1), [0.1], w, [[1.0]], [0.5], [f_s])
@@ -65,7 +64,6 @@ def test_other_bounds_agree_with_the_matrix_exponential(f_s):
         np.testing.assert_allclose(found, right, atol=1e-11)
 
 
-@pytest.mark.more
 def test_a_turn_loses_what_the_loop_encloses_and_the_account_closes():
     w, f_s, k_t = 1.1, 0.1, 0.5
     system = oscillator(w, f_s, k_t)

@@ -191,6 +191,24 @@ def test_powers_of_the_printed_equations_add_up():
             assert ("inconsistency" in given) == (words not in ({}, {"shape": "printed"}))
 
 
+def test_power_through_the_joint_is_what_the_beam_gains_and_loses():
+    """Beside the rate of the energy of the modes, of unit modal mass, along the field."""
+    system = JointedBeam.constructed(2e-3, damping=0.02)
+
+    def of_the_beam(y):
+        modes = jnp.sum(y.p**2 + (system.frequencies() * y.q) ** 2)
+        return 0.5 * system.scales.mass * modes
+
+    for mode in range(4):
+        y = some_state(mode)
+        rate = jax.jvp(of_the_beam, (y,), (system.vector_field(0.0, y, mode, None),))[1]
+        powers = system.powers(0.0, y, mode, None)
+        given = system.beam_power(0.0, y, mode)
+        assert abs(given) > 1e-6 * abs(powers["damping"])
+        np.testing.assert_allclose(given + powers["damping"], rate, rtol=1e-12)
+        np.testing.assert_allclose(system.friction_power(0.0, y, mode), powers["friction"], rtol=1e-12)
+
+
 # An independent integrator
 
 
