@@ -75,7 +75,7 @@ def border_motion(
     low, high, _ = border_between(
         lanes, settle, attractors, (one, other), first, lambda code: code == second
     )
-    motion = _on_border(lanes, settle, one + 0.5 * (low + high) * (other - one), turn)
+    motion = on_border(lanes, settle, one + 0.5 * (low + high) * (other - one), turn)
     if motion is None:
         allowed = "two attractors between whose basins there is an unstable fixed point or orbit"
         raise refusal("between", between, allowed, but="none was found")
@@ -89,21 +89,21 @@ def border_between(
     """The way between two states where the code `own` ends, as narrowly as numbers allow: the parts
     beside the border, and the code beyond it, for which `is_other`."""
     one, other = ends
-    low, high, after = 0.0, 1.0, own
+    low, high, after, few = 0.0, 1.0, own, lanes.few
     while True:
-        part = np.linspace(low, high, ACCURACY.block)
-        code = codes_from(lanes, settle, attractors, one + part[:, None] * (other - one))
+        part = np.linspace(low, high, few.block)
+        code = codes_from(few, settle, attractors, one + part[:, None] * (other - one))
         # The last that comes to the first attractor before any that does not, the first to another.
         at = int(np.argmax(code != own)) - 1
         is_beyond = is_other(code[at + 1 :])
         beyond = at + 1 + int(np.argmax(is_beyond))
-        known = at >= 0 and np.any(is_beyond) and beyond - at <= ACCURACY.block // 2
+        known = at >= 0 and np.any(is_beyond) and beyond - at <= few.block // 2
         if not known or (part[at], part[beyond]) == (low, high):
             return low, high, after
         low, high, after = part[at], part[beyond], int(code[beyond])
 
 
-def _on_border(
+def on_border(
     lanes: Lanes, settle: Settle, y: np.ndarray, turn: np.ndarray
 ) -> Equilibrium | PeriodicOrbit | None:
     """The unstable motion that a motion from the border comes nearest to, while it stays beside it."""

@@ -1,4 +1,4 @@
-"""Shares of a rectangle without sampling: the borders of a flow in a plane, arc by arc."""
+"""Shares of a rectangle without sampling: the borders of basins in a plane, arc by arc."""
 
 from typing import Any, NamedTuple
 
@@ -13,10 +13,11 @@ from ..hybrid import AbstractHybridSystem, Integrator, SaveAt, simulate
 from ..hybrid.components import numbers_of
 from ._accuracy import ACCURACY
 from ._basins import Basins, check_start, turns
-from ._border import border_between, border_motion
-from ._codes import OTHERS
+from ._border import border_between, border_motion, on_border
+from ._codes import FAILED, LEFT, NOT_SETTLED, OTHERS
 from ._judged import Judged, codes_from
 from ._lanes import Lanes, rows_of
+from ._manifold import Manifold, saddle_of
 from ._settle import Settle
 
 
@@ -42,7 +43,9 @@ def border_shares(
 
     The edge of the box is searched for places where the attractor changes, and each is enclosed as
     narrowly as numbers allow. The motion from there is the border: it goes through the box, or to a
-    saddle, whose stable manifold it is. By Green's theorem the area of a basin is
+    saddle, whose stable manifold it is. Under a force of the time the border is the stable manifold of
+    a saddle of the map of a period, which is followed from place to place by Newton's method. By
+    Green's theorem the area of a basin is
 
     $$A = \tfrac12 \oint x\,dy - y\,dx$$
 
@@ -51,12 +54,14 @@ def border_shares(
 
     **Arguments** `system`, `args`, `integrator`, `settle`: those of the map `found`.
 
-    **Returns** the share of each attractor of the map by name, to some 1e-7. A part of a basin that is
-    narrower at the edge than a 256th of a side may be missed.
+    **Returns** the share of each attractor of the map by name, to some 1e-7, and of "left the limits"
+    where motions from the edge do. A part of a basin that is narrower at the edge than a 256th of a
+    side may be missed.
 
-    **Errors** `ValueError`/`TypeError` naming the argument; `ValueError` for other than two numbers or
-    a system that depends on the time, where a part of the edge comes to no attractor, where a border
-    begins inside of the box, and where the map itself says otherwise.
+    **Errors** `ValueError`/`TypeError` naming the argument; `ValueError` for other than two numbers,
+    where a part of the edge is not settled, where a border begins inside of the box, is too long to be
+    followed, as a fractal one, or is that of what only the limits say, and where the map itself says
+    otherwise.
     """
     check_type("found", found, Basins, "a Basins")
     check_type("settle", settle, Settle, "a Settle(duration)")
@@ -66,27 +71,31 @@ def border_shares(
     first = jax.tree.map(lambda leaf: leaf.reshape(-1, *leaf.shape[axes:])[0], found.starts)
     y0, box = check_start(system, first, found.box, settle, args)
     names = numbers_of(y0)
-    if len(names) != 2 or len(box) != 2 or settle.forcing_period is not None:
-        raise refusal("found", found, "of a box of both numbers of a state, and of no forcing")
+    if len(names) != 2 or len(box) != 2:
+        raise refusal("found", found, "of a box of both numbers of a state")
     places = [names.index(name) for name in box]
     lanes = Lanes(system, args, integrator, y0)
     start = rows_of(found.starts, found.code.size)[:1]
-    attractors = Judged(lanes, settle, start, turns(system, y0), found.attractors).attractors
+    turn = turns(system, y0)
+    attractors = Judged(lanes, settle, start, turn, found.attractors).attractors
     if [a.name for a in attractors] != [a.name for a in found.attractors]:
         raise refusal("found", found, "of the same system")
     limits = np.array(list(box.values()))
-    plane = _Plane(lanes, settle, attractors, limits, places)
+    kind = _Plane if settle.forcing_period is None else _Section
+    plane = kind(lanes, settle, attractors, limits, places, turn)
     areas, arcs = plane.edge()
     for arc in arcs:
         areas[arc.left] += _swept(arc.places)
         areas[arc.right] -= _swept(arc.places)
     _close(areas, arcs, limits)
     rows, code = rows_of(found.starts, found.code.size), np.ravel(found.code)
-    known = code >= 0
+    known = (code >= 0) | (code == LEFT)
     for k in np.flatnonzero((areas == 0.0) & np.isin(np.arange(len(areas)), code)):
         # Inside of an orbit, about which there is the basin that is nearest.
         away = np.linalg.norm(rows[known] - rows[code == k][0], axis=1)
         around = next(j for j in code[known][np.argsort(away)] if j != k)
+        if around == LEFT or settle.forcing_period is not None:
+            raise refusal("found.box", box, "one whose edge all basins reach")
         between = attractors[k].name, attractors[around].name
         orbit = border_motion(system, found, between, settle, integrator=integrator, args=args)
         if not isinstance(orbit, PeriodicOrbit):
@@ -95,21 +104,26 @@ def border_shares(
         inside = abs(_swept(plane.motion(start, float(orbit.period) / int(orbit.repeats))))
         areas[k], areas[around] = areas[k] + inside, areas[around] - inside
     shares = areas / np.prod(np.ptp(limits, axis=1))
-    for k, share in enumerate(shares[: len(attractors)]):
-        seen = float(np.mean(code == k))
+    names_of = dict(enumerate(attractor.name for attractor in attractors))
+    if areas[LEFT]:
+        names_of[LEFT] = OTHERS[LEFT]
+    for k, name in names_of.items():
+        share, seen = shares[k], float(np.mean(code == k))
         # Two standard errors of a half, of points that are spread more evenly than random ones.
         if abs(seen - share) > code.size**-0.5 + np.mean(~known):
-            name = f"found.shares[{attractors[k].name!r}]"
-            raise refusal(name, seen, f"near {share:.4g}, as the edge of the box says")
-    return {attractor.name: float(share) for attractor, share in zip(attractors, shares, strict=False)}
+            raise refusal(f"found.shares[{name!r}]", seen, f"near {share:.4g}, as the edge says")
+    return {name: float(shares[k]) for k, name in names_of.items()}
 
 
 class _Plane:
     """The box and the motions in it."""
 
-    def __init__(self, lanes: Lanes, settle: Settle, attractors: list, limits: Any, places: list[int]):
+    def __init__(
+        self, lanes: Lanes, settle: Settle, attractors: list, limits: Any, places: list[int],
+        turn: np.ndarray,
+    ):  # fmt: skip
         self.lanes, self.settle, self.attractors = lanes, settle, attractors
-        self.limits, self.places = limits, places
+        self.limits, self.places, self.turn = limits, places, turn
 
     def states(self, places: np.ndarray) -> np.ndarray:
         """States at places of the box."""
@@ -125,12 +139,13 @@ class _Plane:
         side = part.astype(int)
         ring = corners[side] + (part - side)[:, None] * (corners[side + 1] - corners[side])
         code = codes_from(self.lanes, self.settle, self.attractors, self.states(ring))
-        open_ = code < 0
+        open_ = _is_open(code)
         if np.any(open_ & (np.roll(open_, 1) | np.roll(open_, -1))):
-            word = OTHERS[int(np.min(code))]
+            word = OTHERS[int(np.min(code[open_]))]
             raise refusal("settle", self.settle, "one with which the edge of the box settles", but=word)
         ring, code = ring[~open_], code[~open_]
         # There may be more attractors on the way: states at rest to which nothing in the map came.
+        # That of "left the limits" is the second from the end, by its number.
         areas, arcs, outs = np.zeros(ACCURACY.block), [], 0
         for i in range(len(ring)):
             here, after, own = ring[i], ring[(i + 1) % len(ring)], int(code[i])
@@ -138,7 +153,7 @@ class _Plane:
                 ends = self.states(here), self.states(after)
                 given = self.lanes, self.settle, self.attractors, ends, own
                 low, high, beyond = border_between(
-                    *given, lambda now, own=own: (now >= 0) & (now != own)
+                    *given, lambda now, own=own: ~_is_open(now) & (now != own)
                 )
                 inner, outer = here + low * (after - here), here + high * (after - here)
                 middle = 0.5 * (inner + outer)
@@ -170,7 +185,7 @@ class _Plane:
         # Motions from both sides of it, further than the tolerance of the steps has moved it.
         beside = ACCURACY.same * ACCURACY.near**2 * size * along
         one, other = (self.motion(place + side * beside, end) for side in (-1.0, 1.0))
-        apart = int(np.argmax(np.max(np.abs(one - other) / size, axis=1) > ACCURACY.near**2))
+        apart = int(np.argmax(~(np.max(np.abs(one - other) / size, axis=1) <= ACCURACY.near**2)))
         through = first > 0 and not 0 < apart < first
         last = first
         if not through:
@@ -180,17 +195,20 @@ class _Plane:
             # Nearest to the saddle, or at rest, where it is slowest.
             last = 1 + int(np.argmin(np.linalg.norm(np.diff(own[:apart] / size, axis=0), axis=1)))
         found = self.motion(place, end * last / (len(own) - 1))
-        if through:
-            last = self.first_out(found) or len(found) - 1
-            before, after = found[last - 1], found[last]
-            over = np.clip(after, *self.limits.T) - after
-            away = np.where(over != 0.0, before - after, 1.0)
-            found = np.concatenate([found[:last], [after + np.max(over / away) * (before - after)]])
-        return _Arc(found, left, right, through)
+        return _Arc(self.to_edge(found) if through else found, left, right, through)
+
+    def to_edge(self, places: np.ndarray) -> np.ndarray:
+        """Places as far as the edge of the box."""
+        last = self.first_out(places) or len(places) - 1
+        before, after = places[last - 1], places[last]
+        over = np.clip(after, *self.limits.T) - after
+        away = np.where(over != 0.0, before - after, 1.0)
+        return np.concatenate([places[:last], [after + np.max(over / away) * (before - after)]])
 
     def first_out(self, places: np.ndarray) -> int:
         """Number of the first place out of the box after the one on its edge, or 0."""
-        out = np.any((places < self.limits[:, 0]) | (places > self.limits[:, 1]), axis=1)
+        # Motions that leave may come to no number.
+        out = ~np.all((places >= self.limits[:, 0]) & (places <= self.limits[:, 1]), axis=1)
         return int(np.argmax(out[1:])) + 1 if np.any(out[1:]) else 0
 
     def motion(self, place: np.ndarray, t1: float) -> np.ndarray:
@@ -199,10 +217,61 @@ class _Plane:
         ts = np.linspace(0.0, t1, ACCURACY.corners)
         run = simulate(
             lanes.system, 0.0, t1, lanes.unravel(self.states(place)), None, lanes.args,
-            integrator=lanes.integrator, saveat=SaveAt(ts=ts, max_events=None),
+            integrator=lanes.integrator, saveat=SaveAt(ts=ts, max_events=None), throw=False,
         )  # fmt: skip
         assert run.outputs is not None
         return rows_of(run.outputs.y, ACCURACY.corners)[:, self.places]
+
+
+class _Section(_Plane):
+    """The same at whole periods of a force: borders are stable manifolds of saddles."""
+
+    def __init__(self, *given: Any):
+        super().__init__(*given)
+        assert self.settle.forcing_period is not None
+        self.forcing = float(self.settle.forcing_period)
+        self.manifolds: list[Manifold] = []
+        self.ends: list[np.ndarray] = []
+
+    def border(self, place: np.ndarray, along: np.ndarray, left: int, right: int) -> _Arc | None:
+        """The border from a place of the edge on, or None where one that is known ends there."""
+        size = np.ptp(self.limits, axis=1)
+        if any(np.max(np.abs(place - end) / size) < ACCURACY.same for end in self.ends):
+            return None
+        known = [manifold for manifold in self.manifolds if manifold.nearest_place(place)]
+        manifold = known[0] if known else self.manifold_at(place)
+        found = self.to_edge(manifold.follow(place, np.array([-along[1], along[0]])))
+        self.ends.append(found[-1])
+        return _Arc(found, left, right, True)
+
+    def manifold_at(self, place: np.ndarray) -> Manifold:
+        """The stable manifold on which a place is."""
+        lanes, settle, saddle = self.lanes, self.settle, None
+        orbit = on_border(lanes, settle, self.states(place), self.turn)
+        if isinstance(orbit, PeriodicOrbit):
+            period = float(orbit.period) / int(orbit.repeats)
+            given = float(orbit.t0), period, rows_of(orbit.y0, 1)[0], int(orbit.mode0)
+            saddle = saddle_of(lanes, self.forcing, *given, self.turn)
+        if saddle is None:
+            allowed = "long enough to come to one saddle on the border"
+            raise refusal("settle.duration", settle.duration, allowed)
+        given = lanes, settle, saddle, self.states, self.between, self.limits
+        self.manifolds.append(Manifold(*given))
+        return self.manifolds[-1]
+
+    def between(self, one: np.ndarray, other: np.ndarray) -> np.ndarray | None:
+        """Where the attractor changes between two places, if it does."""
+        given = self.lanes, self.settle, self.attractors
+        codes = codes_from(self.lanes.few, *given[1:], self.states(np.stack([one, other])))
+        if np.any(_is_open(codes)) or codes[0] == codes[1]:
+            return None
+        own, ends = int(codes[0]), (self.states(one), self.states(other))
+        low, high, _ = border_between(*given, ends, own, lambda now: ~_is_open(now) & (now != own))
+        return one + 0.5 * (low + high) * (other - one)
+
+
+def _is_open(code: np.ndarray) -> np.ndarray:
+    return (code == NOT_SETTLED) | (code == FAILED)
 
 
 def _swept(places: np.ndarray) -> float:

@@ -9,7 +9,6 @@ import numpy as np
 
 from .._jit_by_code import jit_by_code
 from ..hybrid.components import numbers_of
-from ._accuracy import ACCURACY
 from ._attractor import Attractor
 from ._lanes import Lanes, flat
 from ._rests import still_between
@@ -81,8 +80,9 @@ def code_of(system: Any, args: Any, unravel: Any, known: Known, t: Any, moved: A
     # No round for what moves: most motions do.
     rounds = jnp.where(moved.still & moved.successful, known.rests, 0)
     code = jax.lax.fori_loop(0, rounds, at_rest, code)
-    code = jnp.where(jnp.all((known.low <= moved.y) & (moved.y <= known.high)), code, LEFT)
-    return jnp.where(moved.successful, code, FAILED)
+    code = jnp.where(moved.successful, code, FAILED)
+    # Also where it has gone on to infinity, at which the run has failed.
+    return jnp.where(jnp.any((moved.y < known.low) | (moved.y > known.high)), LEFT, code)
 
 
 @jit_by_code
@@ -98,8 +98,8 @@ def codes(lanes: Lanes, known: Known, t: float, moved: Any) -> np.ndarray:
     count = len(moved.y)
     found = [np.zeros(0, int)]
     moved = moved._replace(mode=np.asarray(moved.mode, lanes.mode_type), result=None, t=None)
-    for begin in range(0, count, ACCURACY.block):
-        rows = np.minimum(np.arange(begin, begin + ACCURACY.block), count - 1)
+    for begin in range(0, count, lanes.block):
+        rows = np.minimum(np.arange(begin, begin + lanes.block), count - 1)
         block = jax.tree.map(lambda a, rows=rows: a[rows], moved)
         given = lanes.system, lanes.args, lanes.unravel, known, jnp.asarray(t)
         found.append(np.asarray(_codes(*given, block)))

@@ -77,9 +77,9 @@ class Judged:
         moved = self.lanes(self.t, t, self.y[at], self.mode[at])
         self.t = t
         self.y[at], self.mode[at], self.still[at] = moved.y, moved.mode, moved.still
-        failed = ~moved.successful
-        self.failure[at[failed]] = moved.result[failed]
         self._judge(at, moved.successful)
+        failed = self.code[at] == FAILED
+        self.failure[at[failed]] = moved.result[failed]
         inside = self.y[at[self.code[at] > LEFT]]
         if inside.size:
             self.low = np.minimum(self.low, np.min(inside, axis=0))

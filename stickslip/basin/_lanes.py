@@ -1,6 +1,7 @@
 """Many motions of one system that go on together, a span at a time."""
 
 from collections.abc import Callable
+from copy import copy
 from typing import Any, NamedTuple, cast
 
 import equinox as eqx
@@ -38,11 +39,19 @@ class Lanes:
     ):
         self.system, self.args = with_float_arrays((system, args))
         self.integrator = Integrator() if integrator is None else integrator
-        self.shooting, self.mode_type = Shooting(integrator=integrator), mode_type(system)
+        self.shooting, self.mode_type = Shooting(integrator=_finer(integrator)), mode_type(system)
         row, back = ravel_pytree(y0)
         self.size, self.unravel = len(row), cast(Callable[[Any], PyTree], back)
         self.numbers, self.rest = eqx.partition((self.system, self.args), eqx.is_array)
         self.program = map_lanes(self.run)
+        self.block = ACCURACY.block
+
+    @property
+    def few(self) -> "Lanes":
+        """The same with a program for few motions."""
+        lanes = copy(self)
+        lanes.block = ACCURACY.many
+        return lanes
 
     def run(self, numbers, t0, t1, y, mode):
         """`motion_of` by the numbers of a system."""
@@ -55,18 +64,29 @@ class Lanes:
         t0, t1 = (np.broadcast_to(np.asarray(t, float), count) for t in (t0, t1))
         found = []
         # In blocks of one size, whose last is filled up with motions of no duration: one program.
-        for begin in range(0, count, ACCURACY.block):
-            place = np.arange(begin, begin + ACCURACY.block)
+        for begin in range(0, count, self.block):
+            place = np.arange(begin, begin + self.block)
             here = np.minimum(place, count - 1)
             end = np.where(place < count, t1[here], t0[here])
             numbers = jax.tree.map(
-                lambda a: np.broadcast_to(np.asarray(a), (ACCURACY.block, *np.shape(a))), self.numbers
+                lambda a: np.broadcast_to(np.asarray(a), (self.block, *np.shape(a))), self.numbers
             )
             block = self.program(numbers, t0[here], end, y[here], np.asarray(mode)[here])
             block = block._replace(result=names_of(block.result))
-            kept = min(count - begin, ACCURACY.block)
+            kept = min(count - begin, self.block)
             found.append(Moved(*(np.asarray(a)[:kept] for a in block)))
         return Moved(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
+
+
+def _finer(integrator: Integrator | None) -> Integrator | None:
+    """For orbits, which Newton's method closes to more digits than a motion has by its tolerance."""
+    step: Any = None if integrator is None else integrator.step
+    if step is None or not step.adaptive:
+        return integrator
+    tolerances = {name: getattr(step, name) for name in ("rtol", "atol")}
+    finer = [1e-2 * value for value in tolerances.values() if value is not None]
+    names = [name for name, value in tolerances.items() if value is not None]
+    return eqx.tree_at(lambda i: [getattr(i.step, name) for name in names], integrator, finer)
 
 
 def motion_of(system: Any, args: Any, integrator: Any, unravel: Any, t0, t1, y, mode) -> Moved:

@@ -22,7 +22,7 @@ class Settle(eqx.Module):
       multiplier or eigenvalue is known some ten times its time to halve, and four of its periods.
     - `forcing_period` [s]: of a system that depends on the time.
     - `limits`: name of a component to its least and greatest value, `{"x": (-10.0, 10.0)}`: a motion
-      beyond them, at one of 32 times of the duration, has left.
+      beyond them, at one of 32 times of the duration or where its run fails, has left.
 
     **Errors** `ValueError`/`TypeError` naming the argument.
     """

@@ -42,6 +42,15 @@ class Motion(NamedTuple):
     args: PyTree
     integrator: Integrator
 
+    @property
+    def closes(self) -> Any:
+        """Part of the motion's size to which an orbit returns that is simulated once more.
+
+        With other steps it does so to some hundred tolerances of them.
+        """
+        step: Any = self.integrator.step
+        return jnp.maximum(ACCURACY.closes, 100.0 * step.rtol) if step.adaptive else ACCURACY.closes
+
 
 class Frame(NamedTuple):
     """Everything that stays the same while Newton's method runs.

@@ -274,7 +274,7 @@ def _response(
     growth = jnp.where(known, carried.pieces[0], 0.0)
     reached = (found.norm <= tolerance) | (found.stalled & (found.norm <= ACCURACY.stalled * tolerance))
     rests = run.y1.integrals["motion"] <= ENGINE.zero**2
-    allowed = jnp.minimum(ACCURACY.closes * jnp.maximum(jnp.max(jnp.abs(growth)), 1.0), ACCURACY.near)
+    allowed = jnp.minimum(moving.closes * jnp.maximum(jnp.max(jnp.abs(growth)), 1.0), ACCURACY.near)
     result = first_of(
         (~jnp.isfinite(found.norm), "guess_failed"),
         (found.singular, "singular"),

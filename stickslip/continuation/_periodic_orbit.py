@@ -284,7 +284,7 @@ def describe_orbit(
 
     reached = (found.norm <= tolerance) | (found.stalled & (found.norm <= ACCURACY.stalled * tolerance))
     strength = jnp.maximum(jnp.max(jnp.abs(monodromy)), 1.0)
-    allowed = jnp.minimum(ACCURACY.closes * strength, ACCURACY.near)
+    allowed = jnp.minimum(motion.closes * strength, ACCURACY.near)
     result = first_of(
         (~jnp.isfinite(found.norm), "guess_failed"),
         (~reached & jnp.asarray(rests), "at_rest"),
@@ -305,7 +305,7 @@ def describe_orbit(
         multipliers=multipliers,
         trivial=trivial,
         rank=rank,
-        repeats=_repeats(states, unit, neutral, frame.turn, strength),
+        repeats=_repeats(states, unit, neutral, frame.turn, strength, closing, multipliers),
         # In the units of the state: row by column.
         monodromy=in_units(monodromy, unit),
         determinant=determinant,
@@ -372,11 +372,12 @@ def _recurs(motion: Motion, frame: Frame, states, gained, modes, period, unravel
     return ~jnp.any(jnp.abs(later - now) > ACCURACY.closes * largest[None, :])
 
 
-def _repeats(states, unit, neutral, turn, strength):
+def _repeats(states, unit, neutral, turn, strength, closing, multipliers):
     """How often the motion is repeated within the period, of numbers that divide ACCURACY.parts.
 
     All of it is compared: where a body rests for a while no single state tells. `strength`: how much
-    deviations grow in the period; in half of it they grow by the root of that.
+    deviations grow in the period; in half of it they grow by the root of that. `closing`: how far the
+    end was from the beginning, and by which a state is off that nearly returns wherever it is.
     """
     numbers = np.array([n for n in range(2, ACCURACY.parts + 1) if ACCURACY.parts % n == 0], np.int32)
 
@@ -385,5 +386,8 @@ def _repeats(states, unit, neutral, turn, strength):
         return jnp.max(jnp.abs(apart(later - states[:-1], neutral, turn) / unit[None, :]))
 
     away = jax.lax.map(off, ACCURACY.parts // numbers)
-    near = jnp.minimum(ACCURACY.closes * strength ** (1.0 / numbers), ACCURACY.known)
+    from_one = jnp.abs(1.0 - multipliers)
+    weakest = jnp.min(jnp.where(from_one > 0.0, from_one, jnp.inf), initial=1.0)
+    near = jnp.maximum(ACCURACY.closes * strength ** (1.0 / numbers), 2.0 * closing / weakest)
+    near = jnp.minimum(near, ACCURACY.known)
     return jnp.max(jnp.where(away <= near, numbers, np.int32(1)))

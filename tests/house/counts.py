@@ -38,10 +38,15 @@ _COPIES = {"constructed", "delayed", "printed", "regularised", "scaled"}
 
 
 @cache
+def _tree(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
+@cache
 def trees(package: str) -> dict[Path, ast.Module]:
     """Syntax trees of the Python files of a package, by path."""
     files = [p for p in tracked_files() if p.suffix == ".py" and p.is_relative_to(ROOT / package)]
-    return {path: ast.parse(path.read_text(encoding="utf-8")) for path in files}
+    return {path: _tree(path) for path in files}
 
 
 def lines(package: str) -> int:
@@ -158,11 +163,11 @@ def _is_exported(path: Path, name: str) -> bool:
         return True
     owners = {
         node.name
-        for node in ast.parse(path.read_text(encoding="utf-8")).body
+        for node in _tree(path).body
         if isinstance(node, ast.ClassDef | ast.FunctionDef)
         and name in (node.name, *(getattr(inner, "name", "") for inner in node.body))
     }
-    door = ast.parse((path.parent / "__init__.py").read_text(encoding="utf-8"))
+    door = _tree(path.parent / "__init__.py")
     exported = {
         alias.name
         for node in ast.walk(door)

@@ -67,6 +67,18 @@ class Wells(AbstractMechanism):
         return {"x": q.x - q.x**3 - self.damping * v.x + self.tilt}
 
 
+class Hill(AbstractMechanism):
+    """A mass in a well at 0 with a hill at 1, beyond which it is pulled away ever more."""
+
+    coordinates: ClassVar = {"x": "m"}
+
+    def mass_matrix(self, q):
+        return {"x": 1.0}
+
+    def forces(self, t, q, v, args):
+        return {"x": -q.x + q.x**2 - 0.1 * v.x}
+
+
 class Critical(AbstractMechanism):
     """A mass on a spring, damped critically."""
 

@@ -22,6 +22,7 @@ from tests.stickslip.basin._systems import (
     MAGNETS,
     SHARES,
     Critical,
+    Hill,
     MagneticPendulum,
     OnBelt,
     TwoWells,
@@ -115,6 +116,10 @@ def test_motions_that_leave_and_runs_that_fail():
     limits = Settle(20.0, limits={"x": (-1.5, 1.5)})
     found = basins(Wells(-0.1), Wells().state(), SQUARE, limits, points=(4, 4))
     assert set(found.shares) == {"left the limits"}
+    # Beyond a hill the motion goes to infinity within the first of the times.
+    found = basins(Hill(), Hill().state(), SQUARE, Settle(400.0, limits=limits.limits), points=(2, 2))
+    assert found.code[1].tolist() == [-2, -2]
+    assert set(found.failure.ravel()) == {""}
     few = ss.Integrator(max_steps=3)
     found = basins(Wells(), Wells().state(), SQUARE, Settle(20.0), points=(4, 4), integrator=few)
     assert set(found.shares) == {"failed"}

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import root
 
 import stickslip as ss
 from stickslip.continuation import (
@@ -274,3 +275,30 @@ def test_an_orbit_in_a_mode_that_the_system_does_not_give_is_refused():
     found = periodic_orbit(Unheeded(), OrbitGuess(Plane(1.0, 0.1), 6.3, mode0=0))
     assert float(found.residual) < 1e-11
     assert str(found.result) == "not_reproduced"
+
+
+class VanDerPol(ss.AbstractSmoothSystem):
+    units: ClassVar = {"x": "m", "v": "m/s"}
+
+    def vector_field(self, t, y, mode, args):
+        return Motion(y.v, 0.3 * (1.0 - y.x**2) * y.v - y.x)
+
+
+def test_steps_of_few_digits_find_an_orbit_to_these_and_its_shortest_period():
+    """They reproduce it to their own tolerance only, and its two halves are as far apart."""
+
+    def back(u):
+        def field(t, y):
+            return [y[1], 0.3 * (1.0 - y[0] ** 2) * y[1] - y[0]]
+
+        end = solve_ivp(field, (0.0, u[1]), [u[0], 0.0], method="DOP853", rtol=1e-12, atol=1e-12)
+        return end.y[:, -1] - [u[0], 0.0]
+
+    x, period = root(back, [2.0, 6.3]).x
+    guess = OrbitGuess(Motion(2.0, 0.0), 12.63)
+    steps = Shooting(integrator=ss.Integrator(step=ss.AdaptiveStep(1e-7)))
+    orbit = periodic_orbit(VanDerPol(), guess, shooting=steps)
+    assert bool(orbit.successful)
+    assert int(orbit.repeats) == 2
+    assert float(orbit.period) == pytest.approx(2.0 * period, abs=1e-6)
+    assert float(orbit.highest.x) == pytest.approx(x, abs=1e-6)
