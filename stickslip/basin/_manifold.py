@@ -151,7 +151,7 @@ class Manifold:
             if step == least:
                 raise self._no_border_at(last)
             step = max(0.5 * step, least)
-        return self._even(*self._fine(places, tangents))
+        return self._curve_through(*self._fine(places, tangents))
 
     def _no_border_at(self, place: np.ndarray) -> Exception:
         allowed = f"one in which no border ends as it does near {np.round(place, 6).tolist()}"
@@ -190,7 +190,7 @@ class Manifold:
                 found += [todo.pop(), todo.pop()]
         return np.array([place for place, _ in found]), np.array([tangent for _, tangent in found])
 
-    def _even(self, places: np.ndarray, tangents: np.ndarray) -> np.ndarray:
+    def _curve_through(self, places: np.ndarray, tangents: np.ndarray) -> np.ndarray:
         """Many places on the cubics through some with their tangents."""
         scaled = places / self.size
         way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(scaled, axis=0), axis=1))])
