@@ -14,19 +14,22 @@ class Accuracy:
     attractor at each radius that is looked at. States between two at rest, all of which must be."""
     few: int = 8
     """Places of an orbit about which motions are looked at. Motions that are asked for an attractor in
-    one go."""
+    one go. Evaluations of Newton's method for an orbit."""
     levels: int = 12
-    """Radii about an attractor, each half of the one before, at which motions are looked at."""
+    """Radii about an attractor, each half of the one before, at which motions are looked at. Steps of
+    Newton's method to a border."""
     near: float = 0.1
     """Part of the motions' size: an unstable motion so near to one from the border is on it; a radius
     about a motion that never repeats is at most that. Part by which deviations from an attractor decay
-    over the duration, at least."""
+    over the duration, at least. Angle by which a border bends between two places [rad], and part of the
+    box that they are apart, at most."""
     same: float = 1e-6
     """The same: an attractor nearer to another one is that one."""
     block: int = 8 * many
     """Motions in one call of their program."""
     places: int = 4 * block
-    """Of a motion that never repeats, by which it is known."""
+    """Of a motion that never repeats, by which it is known. Of a border, which may be longer only if it
+    is fractal."""
     corners: int = 32 * block
     """Of the polygon that stands for a border."""
 

@@ -89,7 +89,9 @@ def border_shares(
         areas[arc.right] -= _swept(arc.places)
     _close(areas, arcs, limits)
     rows, code = rows_of(found.starts, found.code.size), np.ravel(found.code)
-    known = (code >= 0) | (code == LEFT)
+    known = ~_is_open(code)
+    if np.any(code == LEFT) and not areas[LEFT]:
+        raise refusal("found.box", box, f"one whose edge all basins reach, also {OTHERS[LEFT]!r}")
     for k in np.flatnonzero((areas == 0.0) & np.isin(np.arange(len(areas)), code)):
         # Inside of an orbit, about which there is the basin that is nearest.
         away = np.linalg.norm(rows[known] - rows[code == k][0], axis=1)
@@ -150,11 +152,7 @@ class _Plane:
         for i in range(len(ring)):
             here, after, own = ring[i], ring[(i + 1) % len(ring)], int(code[i])
             while own != code[(i + 1) % len(ring)]:
-                ends = self.states(here), self.states(after)
-                given = self.lanes, self.settle, self.attractors, ends, own
-                low, high, beyond = border_between(
-                    *given, lambda now, own=own: ~_is_open(now) & (now != own)
-                )
+                low, high, beyond = self.change_between(here, after, own)
                 inner, outer = here + low * (after - here), here + high * (after - here)
                 middle = 0.5 * (inner + outer)
                 areas[own] += _swept(np.stack([here, middle]))
@@ -169,6 +167,12 @@ class _Plane:
             allowed = f"one whose edge borders leave as often as they come there, not {outs} times"
             raise refusal("found.box", self.limits.tolist(), allowed)
         return areas, arcs
+
+    def change_between(self, one: np.ndarray, other: np.ndarray, own: int) -> tuple[float, float, int]:
+        """`border_between` two places, the first with the code `own`."""
+        ends = self.states(one), self.states(other)
+        given = self.lanes, self.settle, self.attractors, ends, own
+        return border_between(*given, lambda now: ~_is_open(now) & (now != own))
 
     def border(self, place: np.ndarray, along: np.ndarray, left: int, right: int) -> _Arc | None:
         """The border from a place of the edge on, or None where it comes out of the box there."""
@@ -185,7 +189,7 @@ class _Plane:
         # Motions from both sides of it, further than the tolerance of the steps has moved it.
         beside = ACCURACY.same * ACCURACY.near**2 * size * along
         one, other = (self.motion(place + side * beside, end) for side in (-1.0, 1.0))
-        apart = int(np.argmax(~(np.max(np.abs(one - other) / size, axis=1) <= ACCURACY.near**2)))
+        apart = int(np.argmax(np.max(np.abs(one - other) / size, axis=1) > ACCURACY.near**2))
         through = first > 0 and not 0 < apart < first
         last = first
         if not through:
@@ -207,8 +211,7 @@ class _Plane:
 
     def first_out(self, places: np.ndarray) -> int:
         """Number of the first place out of the box after the one on its edge, or 0."""
-        # Motions that leave may come to no number.
-        out = ~np.all((places >= self.limits[:, 0]) & (places <= self.limits[:, 1]), axis=1)
+        out = np.any((places < self.limits[:, 0]) | (places > self.limits[:, 1]), axis=1)
         return int(np.argmax(out[1:])) + 1 if np.any(out[1:]) else 0
 
     def motion(self, place: np.ndarray, t1: float) -> np.ndarray:
@@ -220,7 +223,14 @@ class _Plane:
             integrator=lanes.integrator, saveat=SaveAt(ts=ts, max_events=None), throw=False,
         )  # fmt: skip
         assert run.outputs is not None
-        return rows_of(run.outputs.y, ACCURACY.corners)[:, self.places]
+        rows = rows_of(run.outputs.y, ACCURACY.corners)[:, self.places]
+        last = rows_of(run.y1, 1)[0, self.places]
+        if not bool(run.successful) and np.all(
+            (last >= self.limits[:, 0]) & (last <= self.limits[:, 1])
+        ):
+            allowed = "one in which motions along a border do not fail"
+            raise refusal("found.box", self.limits.tolist(), allowed, but=str(run.result))
+        return np.where(np.isfinite(rows), rows, last)  # it has gone on to infinity, out of the box
 
 
 class _Section(_Plane):
@@ -238,9 +248,16 @@ class _Section(_Plane):
         size = np.ptp(self.limits, axis=1)
         if any(np.max(np.abs(place - end) / size) < ACCURACY.same for end in self.ends):
             return None
-        known = [manifold for manifold in self.manifolds if manifold.nearest_place(place)]
-        manifold = known[0] if known else self.manifold_at(place)
-        found = self.to_edge(manifold.follow(place, np.array([-along[1], along[0]])))
+        tangents = ((m, m.tangent_at(place)) for m in self.manifolds)
+        known = next((pair for pair in tangents if pair[1] is not None), None)
+        if known is None:
+            manifold = self.manifold_at(place)
+            known = manifold, manifold.tangent_at(place)
+        manifold, tangent = known
+        if tangent is None:
+            raise refusal("settle", self.settle, "long enough for motions beside a border to part")
+        tangent = tangent * np.sign(tangent @ np.array([-along[1], along[0]]))
+        found = self.to_edge(manifold.follow(place, tangent))
         self.ends.append(found[-1])
         return _Arc(found, left, right, True)
 
@@ -261,12 +278,11 @@ class _Section(_Plane):
 
     def between(self, one: np.ndarray, other: np.ndarray) -> np.ndarray | None:
         """Where the attractor changes between two places, if it does."""
-        given = self.lanes, self.settle, self.attractors
-        codes = codes_from(self.lanes.few, *given[1:], self.states(np.stack([one, other])))
+        lanes, ends = self.lanes.few, self.states(np.stack([one, other]))
+        codes = codes_from(lanes, self.settle, self.attractors, ends)
         if np.any(_is_open(codes)) or codes[0] == codes[1]:
             return None
-        own, ends = int(codes[0]), (self.states(one), self.states(other))
-        low, high, _ = border_between(*given, ends, own, lambda now: ~_is_open(now) & (now != own))
+        low, high, _ = self.change_between(one, other, int(codes[0]))
         return one + 0.5 * (low + high) * (other - one)
 
 

@@ -84,7 +84,7 @@ def _finer(integrator: Integrator | None) -> Integrator | None:
     if step is None or not step.adaptive:
         return integrator
     tolerances = {name: getattr(step, name) for name in ("rtol", "atol")}
-    finer = [1e-2 * value for value in tolerances.values() if value is not None]
+    finer = [ACCURACY.near**2 * value for value in tolerances.values() if value is not None]
     names = [name for name, value in tolerances.items() if value is not None]
     return eqx.tree_at(lambda i: [getattr(i.step, name) for name in names], integrator, finer)
 

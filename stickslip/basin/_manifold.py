@@ -123,12 +123,16 @@ class Manifold:
             least = k + 1 if length <= error else least
         return None
 
-    def follow(self, place: np.ndarray, inward: np.ndarray) -> np.ndarray:
-        """Places from one on the edge to the next outside of the box, evenly close."""
+    def tangent_at(self, place: np.ndarray) -> np.ndarray | None:
+        """The tangent at a place of a border; None if the border is another one than this."""
         found = self.nearest_place(place)
-        if found is None:
-            raise refusal("settle", self.ts[-1], "long enough for motions beside a border to part")
-        places, tangents = [found[0]], [found[1] * np.sign(found[1] @ inward)]
+        if found is None or np.max(np.abs(found[0] - place) / self.size) > ACCURACY.same:
+            return None
+        return found[1]
+
+    def follow(self, place: np.ndarray, along: np.ndarray) -> np.ndarray:
+        """Places from one on the edge, along its tangent, to the first outside of the box."""
+        places, tangents = [place], [along]
         step, least = ACCURACY.near**2, ACCURACY.same
         while len(places) == 1 or self._inside(places[-1]):
             if len(places) > ACCURACY.places:
@@ -140,7 +144,7 @@ class Manifold:
                 way = (found[0] - last) / self.size
                 tangent = found[1] * np.sign(found[1] @ along)
                 bend = np.arccos(min(float(tangent @ along), 1.0))
-                fits = way @ along > 0.0 and np.linalg.norm(way) < 2.0 * step
+                fits = _goes_on(way, along, tangent) and np.linalg.norm(way) < 2.0 * step
                 # A corner, as friction makes them, bends however short the step is.
                 if fits and (bend <= ACCURACY.near or step == least):
                     places.append(found[0])
@@ -177,7 +181,10 @@ class Manifold:
         todo = list(zip(places, tangents, strict=True))[:0:-1]
         while todo:
             (one, leaving), (other, arriving) = found[-1], todo[-1]
-            length = float(np.linalg.norm((other - one) / self.size))
+            way = (other - one) / self.size
+            length = float(np.linalg.norm(way))
+            if not _goes_on(way, leaving, arriving):
+                raise self._no_border_at(one)
             middle = 0.5 * (one + other) + 0.125 * length * (leaving - arriving) * self.size
             if length <= ACCURACY.same:
                 found.append(todo.pop())
@@ -196,6 +203,12 @@ class Manifold:
         way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(scaled, axis=0), axis=1))])
         curve = CubicHermiteSpline(way, scaled, tangents)
         return curve(np.linspace(0.0, way[-1], ACCURACY.corners)) * self.size
+
+
+def _goes_on(way: np.ndarray, leaving: np.ndarray, arriving: np.ndarray) -> bool:
+    """Whether a way is along the tangents at its ends, and not across to the next fold of the curve."""
+    middle = leaving + arriving
+    return float(way @ middle) > 0.5 * float(np.linalg.norm(way) * np.linalg.norm(middle))
 
 
 @jit_by_code

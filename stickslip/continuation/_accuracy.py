@@ -36,7 +36,8 @@ class Accuracy:
     """Part: two results of different ways to one thing agree to it. A function that jumps is larger
     than this part of its values at both ends."""
     near: float = 1e-2
-    """Part: beside an orbit, but of the same branch; also the growth of errors that is too much."""
+    """Part: beside an orbit, but of the same branch; also the growth of errors that is too much. Part
+    that a tolerance of steps is of how far an orbit of such steps may be from closing."""
 
     # Steps along a branch.
     shorter: float = 0.5

@@ -49,7 +49,11 @@ class Motion(NamedTuple):
         With other steps it does so to some hundred tolerances of them.
         """
         step: Any = self.integrator.step
-        return jnp.maximum(ACCURACY.closes, 100.0 * step.rtol) if step.adaptive else ACCURACY.closes
+        return (
+            jnp.maximum(ACCURACY.closes, step.rtol / ACCURACY.near)
+            if step.adaptive
+            else ACCURACY.closes
+        )
 
 
 class Frame(NamedTuple):

@@ -71,6 +71,11 @@ def test_shares_of_two_wells_are_those_of_the_saddles_manifold(damping, compiled
     compiled.clear()
     assert border_shares(system, found, settle) == shares
     assert compiled == []
+    # What leaves, by the map, must do so from the edge, too.
+    code = found.code.copy()
+    code[8, 8] = -2
+    with pytest.raises(ValueError, match="left the limits"):
+        border_shares(system, found._replace(code=code), settle)
 
 
 @pytest.mark.more

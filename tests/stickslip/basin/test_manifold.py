@@ -13,7 +13,7 @@ import stickslip as ss
 from stickslip.basin import Settle, basins, border_shares
 from stickslip.basin._judged import codes_from
 from stickslip.basin._lanes import Lanes
-from stickslip.basin._manifold import Manifold, saddle_of
+from stickslip.basin._manifold import Manifold, _goes_on, saddle_of
 from stickslip.friction import Coulomb
 from stickslip.mechanism import Contact
 
@@ -74,14 +74,26 @@ def test_places_beside_the_manifold_come_to_it():
         # In parts of the box, which is twice as wide as it is high.
         slope = 0.5 * (0.3 + 2.0 * place[1])
         assert tangent[0] == pytest.approx(slope * tangent[1], abs=1e-6)
+        # A border beside it is another one.
+        assert manifold.tangent_at(place) is not None
+        assert manifold.tangent_at(place + np.array([1e-4, 0.0])) is None
+
+
+def test_a_way_across_to_another_fold_is_told_from_a_corner():
+    along, up = np.array([1.0, 0.0]), np.array([0.0, 1.0])
+    assert not _goes_on(0.01 * up, along, along)
+    assert not _goes_on(-along, along, along)
+    assert _goes_on(along, along, along)
+    assert _goes_on(along + up, along, up)
 
 
 @pytest.mark.more
 @pytest.mark.parametrize("corner", [0.0, 0.5])
 def test_the_manifold_is_that_of_the_closed_form(corner):
     system = Sheared(corner)
-    first = np.array([system.shear(1.0) - 0.4, 1.0])
-    places = manifold_of(system).follow(first, np.array([0.0, -1.0]))
+    first, manifold = np.array([system.shear(1.0) - 0.4, 1.0]), manifold_of(system)
+    tangent = manifold.tangent_at(first)
+    places = manifold.follow(first, -tangent * np.sign(tangent[1]))
     assert places[-1, 1] < -1.0
     inside = places[np.abs(places[:, 1]) <= 1.0]
     np.testing.assert_allclose([system.beside(place) for place in inside], 0.0, atol=4e-7)
