@@ -129,6 +129,28 @@ def saddle_border(damping: float = 0.3, tilt: float = 0.0, until: float = 22.0) 
     return [solve_ivp(back, (0.0, until), start, **given).sol for start in starts]
 
 
+def share_at_the_right(x, v, box: dict, count: int = 200_000) -> float:
+    """Share of a box in x and v on the side of a long curve that is at its right, row by row.
+
+    Whether a row begins on that side is known by how often the curve cuts it beyond the box.
+    """
+    (left, right), (low, high) = box.values()
+    number = (v - low) / (high - low) * count - 0.5
+    first = np.floor(number).astype(int)
+    cuts = [[] for _ in range(count)]
+    for i in np.flatnonzero(first[1:] != first[:-1]):
+        for row in range(min(first[i : i + 2]) + 1, max(first[i : i + 2]) + 1):
+            if 0 <= row < count:
+                part = (row - number[i]) / (number[i + 1] - number[i])
+                cuts[row].append(x[i] + part * (x[i + 1] - x[i]))
+    widths = 0.0
+    for row in cuts:
+        cut = np.sort(row)[::-1]
+        ends = np.concatenate([[right], cut[(cut > left) & (cut < right)], [left]])
+        widths += np.sum((ends[:-1] - ends[1:])[np.sum(cut > right) % 2 :: 2])
+    return widths / count / (right - left)
+
+
 def nearest(curves: list, place: np.ndarray, sizes: np.ndarray) -> float:
     """Least distance of curves from a place, in the sizes of the components."""
     found = []

@@ -5,12 +5,13 @@ from typing import ClassVar
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from stickslip.basin import Settle, basins, border_shares
 from stickslip.basin._border_shares import _Plane
 from stickslip.mechanism import AbstractMechanism
 
-from ._systems import OnBelt, TwoWells, Wells, saddle_border
+from ._systems import Hill, OnBelt, TwoWells, Wells, saddle_border, share_at_the_right
 
 BOX = {"x": (-2.0, 2.0), "v_x": (-2.0, 2.0)}
 TILT = 0.1
@@ -93,6 +94,33 @@ def test_shares_are_those_of_a_fine_map(system, box, duration):
     shares = border_shares(system, found, settle)
     for name, share in shares.items():
         assert share == pytest.approx(found.shares[name], abs=4e-3)
+
+
+@pytest.mark.more
+def test_what_escapes_over_a_hill_is_what_its_saddle_says():
+    """Motions that go to infinity have left; the border by SciPy, backwards from the top."""
+    box = {"x": (-1.2, 1.5), "v_x": (-1.0, 1.0)}
+    system, settle = Hill(), Settle(300.0, limits={"x": (-5.0, 5.0)})
+    found = basins(system, system.state(), box, settle, points=(16, 16))
+    shares = border_shares(system, found, settle)
+
+    def back(t, y):
+        return [-y[1], y[0] - y[0] ** 2 + 0.1 * y[1]]
+
+    def far(t, y):
+        return 3.0 - np.max(np.abs(y))
+
+    far.terminal = True
+    rate, halves = np.min(np.roots([1.0, 0.1, -1.0])), []
+    for side in (1e-8, -1e-8):
+        end = solve_ivp(
+            back, (0.0, 60.0), [1.0 + side, side * rate], method="DOP853", events=far,
+            rtol=1e-12, atol=1e-13, dense_output=True,
+        )  # fmt: skip
+        halves.append(end.sol(np.linspace(0.0, end.t[-1], 200_001)))
+    x, v = np.concatenate([halves[0][:, ::-1], halves[1]], axis=1)
+    assert set(shares) == {"fixed point 1", "left the limits"}
+    assert shares["left the limits"] == pytest.approx(share_at_the_right(x, v, box), abs=5e-7)
 
 
 @pytest.mark.slow

@@ -17,7 +17,7 @@ from stickslip.basin._manifold import Manifold, _goes_on, saddle_of
 from stickslip.friction import Coulomb
 from stickslip.mechanism import Contact
 
-from ._systems import Duffing
+from ._systems import Duffing, share_at_the_right
 
 TURN = 2.0 * np.pi
 BOX = {"x": (-2.0, 2.0), "v_x": (-2.0, 2.0)}
@@ -129,21 +129,7 @@ def right_share():
     curve = np.concatenate([halves[0][:, ::-1], halves[1]], axis=1)
     way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(curve), axis=0))])
     x, v = CubicSpline(way, curve.T)(np.linspace(0.0, way[-1], 2_000_001)).T
-    count = 200_000
-    number = (v + 2.0) / 4.0 * count - 0.5
-    first = np.floor(number).astype(int)
-    cuts = [[] for _ in range(count)]
-    for i in np.flatnonzero(first[1:] != first[:-1]):
-        for row in range(min(first[i : i + 2]) + 1, max(first[i : i + 2]) + 1):
-            if 0 <= row < count:
-                part = (row - number[i]) / (number[i + 1] - number[i])
-                cuts[row].append(x[i] + part * (x[i + 1] - x[i]))
-    widths = 0.0
-    for row in cuts:
-        cut = np.sort(row)[::-1]
-        ends = np.concatenate([[2.0], cut[np.abs(cut) < 2.0], [-2.0]])
-        widths += np.sum((ends[:-1] - ends[1:])[np.sum(cut > 2.0) % 2 :: 2])
-    return widths / count / 4.0
+    return share_at_the_right(x, v, BOX)
 
 
 @pytest.mark.slow
