@@ -14,7 +14,7 @@ class Accuracy:
     attractor at each radius that is looked at. States between two at rest, all of which must be."""
     few: int = 8
     """Places of an orbit about which motions are looked at. Motions that are asked for an attractor in
-    one go. Evaluations of Newton's method for an orbit."""
+    one go."""
     levels: int = 12
     """Radii about an attractor, each half of the one before, at which motions are looked at. Steps of
     Newton's method to a border."""

@@ -159,12 +159,9 @@ def orbit_at(search: Search, t: float, y: np.ndarray, mode: int) -> Found | None
 def orbit_of(search: Search, guess: OrbitGuess | PeriodicOrbit) -> Found | None:
     """The periodic orbit near a guess, with the tube about it."""
     lanes, forcing = search.lanes, search.forcing_period
-    # Few steps: those of a motion that is near to an orbit. A chaotic one is near to none, and returns
-    # late, so that each takes long.
     orbit = periodic_orbit(
-        lanes.system, guess, forced=forcing is not None, args=lanes.args, shooting=lanes.shooting,
-        max_steps=ACCURACY.few,
-    )  # fmt: skip
+        lanes.system, guess, forced=forcing is not None, args=lanes.args, shooting=lanes.shooting
+    )
     if not bool(orbit.successful):
         return None
     t0, period = float(orbit.t0), float(orbit.period) / int(orbit.repeats)

@@ -17,7 +17,7 @@ from stickslip.basin._manifold import Manifold, _goes_on, saddle_of
 from stickslip.friction import Coulomb
 from stickslip.mechanism import Contact
 
-from ._systems import Duffing, share_at_the_right
+from ._systems import Duffing, Hill, share_at_the_right
 
 TURN = 2.0 * np.pi
 BOX = {"x": (-2.0, 2.0), "v_x": (-2.0, 2.0)}
@@ -140,6 +140,24 @@ def test_shares_under_a_force_are_those_of_the_saddles_manifold():
     right = next(a.name for a in found.attractors if a.motion.y0.x > 0.0)
     assert sum(shares.values()) == pytest.approx(1.0, abs=1e-12)
     assert shares[right] == pytest.approx(right_share(), abs=1e-7)
+
+
+class Shaken(Hill):
+    """The mass in a well that is shaken, until it leaves over the hill."""
+
+    def forces(self, t, q, v, args):
+        return {"x": super().forces(t, q, v, args)["x"] + 0.03 * jnp.sin(0.6 * t)}
+
+
+@pytest.mark.slow
+def test_the_safe_part_of_a_shaken_well_is_that_of_a_fine_map():
+    """Deviations from its saddle grow to twenty thousand times as much in each period."""
+    period, box = TURN / 0.6, {"x": (-1.2, 1.5), "v_x": (-1.0, 1.0)}
+    system, settle = Shaken(), Settle(30.0 * period, period, {"x": (-5.0, 5.0)})
+    found = basins(system, system.state(), box, settle, points=(64, 64))
+    shares = border_shares(system, found, settle)
+    assert set(shares) == {"orbit 1", "left the limits"}
+    assert shares["orbit 1"] == pytest.approx(found.shares["orbit 1"], abs=4e-3)
 
 
 class Rough(Duffing):
