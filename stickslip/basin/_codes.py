@@ -9,6 +9,7 @@ import numpy as np
 
 from .._jit_by_code import jit_by_code
 from ..hybrid.components import numbers_of
+from ._accuracy import ACCURACY
 from ._attractor import Attractor
 from ._lanes import Lanes, flat
 from ._rests import still_between
@@ -86,11 +87,17 @@ def code_of(system: Any, args: Any, unravel: Any, known: Known, t: Any, moved: A
 
 
 @jit_by_code
-def _codes(system, args, unravel, known, t, moved):
-    def one(moved):
-        return code_of(system, args, unravel, known, t, moved)
+def _codes(system, args, unravel, known, t, moved, count):
+    """Codes of the first `count` motions, part by part: mostly few are open in a block of one size."""
+    size = ACCURACY.many
 
-    return jax.lax.map(one, moved, batch_size=64)
+    def part(k, code):
+        rows = jax.tree.map(lambda a: jax.lax.dynamic_slice_in_dim(a, k * size, size), moved)
+        found = jax.vmap(lambda one: code_of(system, args, unravel, known, t, one))(rows)
+        return jax.lax.dynamic_update_slice_in_dim(code, found, k * size, 0)
+
+    none = jnp.full(moved.still.shape, NOT_SETTLED)
+    return jax.lax.fori_loop(0, -(-count // size), part, none)
 
 
 def codes(lanes: Lanes, known: Known, t: float, moved: Any) -> np.ndarray:
@@ -102,5 +109,6 @@ def codes(lanes: Lanes, known: Known, t: float, moved: Any) -> np.ndarray:
         rows = np.minimum(np.arange(begin, begin + lanes.block), count - 1)
         block = jax.tree.map(lambda a, rows=rows: a[rows], moved)
         given = lanes.system, lanes.args, lanes.unravel, known, jnp.asarray(t)
-        found.append(np.asarray(_codes(*given, block)))
-    return np.concatenate(found)[:count]
+        kept = min(count - begin, lanes.block)
+        found.append(np.asarray(_codes(*given, block, jnp.asarray(kept)))[:kept])
+    return np.concatenate(found)

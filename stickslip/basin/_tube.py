@@ -7,6 +7,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ._accuracy import ACCURACY
+
 
 class Tube(NamedTuple):
     """Pieces of a motion in the space of the states: cubics through their ends and slopes.
@@ -61,13 +63,21 @@ def stack_of(tubes: list[Tube], size: int) -> Tube:
 def distances(tubes: list[Tube], y: np.ndarray, mode: np.ndarray) -> np.ndarray:
     """How far each state `[lane, size]` is from each tube, in parts of its sizes, `[lane, tube]`;
     infinite in another mode."""
-    found = _distances(stack_of(tubes, y.shape[1]), y, np.asarray(mode, np.int64))
-    return np.asarray(found)[:, : len(tubes)]
+    count, size = len(y), ACCURACY.many
+    away = np.zeros((count, len(tubes)))
+    mode = np.asarray(mode, np.int64)
+    # In blocks of one size, tube by tube: few programs for all numbers of them.
+    for begin in range(0, count, size):
+        rows = np.minimum(np.arange(begin, begin + size), count - 1)
+        for k, tube in enumerate(tubes):
+            found = _distances(stack_of([tube], y.shape[1]), y[rows], mode[rows])
+            away[begin : begin + size, k] = np.asarray(found)[: count - begin, 0]
+    return away
 
 
 @eqx.filter_jit
 def _distances(tubes: Tube, y: Any, mode: Any) -> Any:
-    return jax.lax.map(lambda lane: distances_of_one(tubes, *lane), (y, mode), batch_size=64)
+    return jax.vmap(lambda *lane: distances_of_one(tubes, *lane))(y, mode)
 
 
 def distances_of_one(tubes: Tube, y: Any, mode: Any) -> Any:

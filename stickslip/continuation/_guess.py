@@ -131,7 +131,6 @@ def orbit_guess(
     check_type("shooting", shooting, Shooting, "a Shooting")
     t0 = a_time("t0", t0)
     y0, mode = start_of(system, t0, y0, mode0, args)
-    check_field(system, t0, y0, mode, args)
     system, args = with_float_arrays((system, args))
     numbers = y0, mode, t0, *map(as_parameter, (transient, max_period, forcing_period or 0.0))
     program = _compiled if is_concrete((system, args, numbers)) else _guess
@@ -186,6 +185,7 @@ def _guess(
     system, args, integrator, execute, y0, mode, t0, transient, longest, forcing,
     *, multiples, max_events,
 ):  # fmt: skip
+    check_field(system, t0, y0, mode, args)
     integrator = spanning(integrator, transient + longest)
 
     def run(system, begin, end, y, mode, **options):

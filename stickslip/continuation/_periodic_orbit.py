@@ -110,9 +110,6 @@ def periodic_orbit(
     check_seen("guess", guess)
     period = as_parameter(one_number("guess.period", guess.period, "positive"))
     y0, mode0 = start_of(system, t0, guess.y0, guess.mode0, args)
-    check_field(system, t0, y0, mode0, args)
-    if not forced:
-        check_autonomous("forced", system, t0, y0, mode0, args, "True")
     system, args = with_float_arrays((system, args))
     numbers = y0, mode0, t0, period, gained_by(system, guess), as_parameter(tolerance)
     program = _compiled if is_concrete((system, args, numbers)) else _orbit
@@ -126,6 +123,10 @@ def _orbit(
     system, args, integrator, execute, y0, mode0, t0, period, gained, tolerance,
     *, forced, segments, max_steps, max_events,
 ):  # fmt: skip
+    # Here, where the program is traced: the checks trace the field and its guards, too.
+    check_field(system, t0, y0, mode0, args)
+    if not forced:
+        check_autonomous("forced", system, t0, y0, mode0, args, "True")
     _, unravel = ravel_pytree(y0)
     with use_executor(execute):
         t0, y0, mode0 = beside_breaks(system, args, spanning(integrator, period), t0, y0, mode0)
