@@ -31,17 +31,21 @@ from ._harness import Candidate, absent, interleave, table
 REFERENCE = 1e-15  # tolerance of heyoka as reference; without it SciPy's DOP853 at
 REFERENCE_SCIPY = 1e-13
 WORKERS = os.cpu_count() or 1
+PRECISE = (1e-9, 1e-10, 1e-11, 1e-12)  # tolerances of the engine in the table of small errors
+HEYOKA = (1e-6, 1e-7, 1e-8, 1e-9)  # and of heyoka, whose errors are far below its tolerances
 MANY = 100_000_000  # steps; the end of a run, not their number, is what ends it
 
 
-def steps_of(h: float | None = None, tolerance: float | None = None) -> ss.Integrator:
-    """Tsit5 with fixed or adaptive steps."""
+def steps_of(
+    h: float | None = None, tolerance: float | None = None, method: str = "tsit5"
+) -> ss.Integrator:
+    """A method with fixed or adaptive steps."""
     if tolerance is None:
         assert h is not None
         step = ss.FixedStep(h)
     else:
         step = ss.AdaptiveStep(tolerance, 0.1 * tolerance)
-    return ss.Integrator("tsit5", step, max_steps=MANY)
+    return ss.Integrator(method, step, max_steps=MANY)
 
 
 def engine(job: Job, executor: str, integrator=None) -> Callable[[np.ndarray], Points]:
@@ -217,6 +221,26 @@ def comparison(job: Job, rounds: int, few: int) -> str:
     return "\n".join(lines)
 
 
+def work_and_precision(case: Case, lanes: int, rounds: int, few: int) -> str:
+    """The engine and heyoka at small errors: tolerances in turn, all on the same job."""
+    if absent("heyoka"):
+        return "Work and precision: heyoka absent"
+    field = Field(Job(case, lanes), few)
+    for tolerance in PRECISE:
+        run = engine(field.job, "fused", steps_of(tolerance=tolerance, method="dop853"))
+        found = Points(*(a[field.sample] for a in run(field.job.k3)))
+        field.add(f"engine, fused, DOP853, {tolerance:g}", run, field.job.k3, found=found)
+    for tolerance in HEYOKA:
+        run = peers.heyoka_batch(field.job, tolerance)
+        field.add(f"heyoka, batches, events, {tolerance:g} (*)", run, field.part, cores=1)
+    title = (
+        f"Work and precision with {case.name}: {lanes} of {LANES} lanes x {field.job.end:g} s, "
+        f"{WORKERS} workers; errors against {field.source};\n"
+        f"  (*) a part of the lanes on one core, perfect scaling to {WORKERS} cores credited"
+    )
+    return table(title, interleave(field.candidates, rounds), field.missing)
+
+
 def lanes_table(case: Case, numbers: list[int]) -> str:
     """Time per lane by the number of lanes."""
     try:
@@ -274,5 +298,7 @@ def main(size: str = "normal") -> Iterator[str]:
     yield comparison(Job(set_a(), lanes), rounds, few)
     yield "\n" + comparison(Job(mild(), lanes), rounds, few)
     yield "\n" + comparison(Job(full_model(), lanes), rounds, few)
+    for case in (set_a(), mild()):
+        yield "\n" + work_and_precision(case, lanes, rounds, few)
     yield "\n" + lanes_table(mild(), numbers)
     yield "\n" + fresh_processes(LANES, {"quick": 0.25, "normal": 2.0, "full": 40.0}[size])

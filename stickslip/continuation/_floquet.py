@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float, Int
 
@@ -25,15 +26,22 @@ def multipliers_of(matrix: Float[Array, "size size"], rank: Any) -> Complex[Arra
     size = matrix.shape[0]
     index = jnp.arange(size, dtype=jnp.int32)
     rank = jnp.minimum(jnp.asarray(rank, jnp.int32), size)
-    largest = None
-    for _ in range(size):
+
+    def once(state):
         # A direction that an event projects out leaves a singular value of rounding.
+        matrix, rank, block, largest, _ = state
         left, strength, right = jnp.linalg.svd(matrix)
-        largest = strength[0] if largest is None else largest
+        largest = jnp.maximum(largest, strength[0])  # that of the first round
         kept = (index < rank) & (strength > ACCURACY.rounding * largest)
-        rank = jnp.sum(kept, dtype=jnp.int32)
         small = (strength[:, None] * right) @ left
         matrix = jnp.where(kept[:, None] & kept[None, :], small, 0.0)
+        rank = jnp.sum(kept, dtype=jnp.int32)
+        return matrix, rank, rank, largest, rank < block
+
+    if size:
+        none = jnp.zeros((), matrix.dtype)
+        begin = matrix, rank, jnp.asarray(size, jnp.int32), none, jnp.asarray(True)
+        matrix, rank, *_ = jax.lax.while_loop(lambda state: state[-1], once, begin)
     found = jnp.linalg.eigvals(matrix)
     # The eigenvalues come in no order; those of the empty rows are zero, or rounding.
     found = nonzero_first(found)

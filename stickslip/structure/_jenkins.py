@@ -97,7 +97,8 @@ class Jenkins(eqx.Module):
     - `stiffness` $k_t$ [N/m], positive; a row for several sliders.
     - `bound` $f_s = \mu N$ [N], not negative; a row for several. Or a function `bound(t, q, args)` of
       one slider, whose normal force varies with time and place: while it is 0 or less the element is
-      open, with the force 0, and its slider follows.
+      open, with the force 0, and its slider follows. With $\mu k_n (y - g)$ a contact closes where $y$
+      has gone through the gap $g$, and a preload is a gap below zero.
 
     Several sliders are kept in the order of their limits $f_s / k_t$. A function may be an
     `equinox.Module` with a method `__call__`: then its numbers are parameters.

@@ -65,7 +65,7 @@ def reference(preload, slope, until):
             return [lambda t, y, s: -bound(y)]
         return [lambda t, y, s: K_T * s * y[2] - rate(y), lambda t, y, s: bound(y)]
 
-    t, y, state, words = 0.0, np.zeros(5), 0, []
+    t, y, state, words = 0.0, np.zeros(5), 0 if preload > 0.0 else 2, []
     while True:
         events = guards(state)
         for event in events:
@@ -88,11 +88,12 @@ def reference(preload, slope, until):
 
 
 @pytest.mark.more
-def test_a_load_that_varies_and_lifts_off_is_followed_from_event_to_event():
+@pytest.mark.parametrize("preload", [0.15, -0.1], ids=["pressed", "gap"])
+def test_a_load_that_varies_and_lifts_off_is_followed_from_event_to_event(preload):
     until = 30.0
-    right, words = reference(0.15, 0.5, until)
+    right, words = reference(preload, 0.5, until)
     assert {"open", "stick", "slip forward", "slip backward"} == set(words)
-    system = machine(0.15, 0.5)
+    system = machine(preload, 0.5)
     begin = system.start(system.system.state())
     ledger = WithIntegrals(system, WithSliders.powers)
     run = ss.simulate(ledger, 0.0, until, ledger.start(begin), integrator=STRICT)
