@@ -34,10 +34,12 @@ from ._closing import Motion, closure, residual_at_place
 from ._floquet import multipliers_of
 from ._forcing import FORCING, Forcing, check_forcing
 from ._measured import measure
+from ._newton import Newton
 from ._options import SHOOTING, Shooting
 from ._orbit import beyond, silent_directions
 from ._outcome import ORBITS, first_of
 from ._periodic_orbit import solve_orbit
+from ._turns import turns_of
 
 
 class ForcedResponse(eqx.Module):
@@ -150,7 +152,8 @@ def forced_response(
     - `observables`: names of components of the state, `"slope of x"`, methods `(t, y, mode, args)` of
       the system, or a mapping from names to those or to functions `(system, t, y, dy, mode, args)`; of
       one number each. By default the first component.
-    - `periods`: so many are simulated before Newton's method.
+    - `periods`: so many are simulated before Newton's method, and where that fails 4, 16 and 64 times
+      as many: what is hardly damped takes long to settle.
     - `shooting`: a `Shooting`.
 
     **Returns** a `ForcedResponse`. Its `result` says, also under `jit`, `vmap` and `map_lanes`, whether
@@ -235,17 +238,13 @@ def _response(
     with use_executor(execute):
         still, given, start, cycle = frozen((system, args, y0, period))
         t0, start, mode0 = beside_breaks(still, given, spanning(integrator, cycle), t0, start, mode0)
-        motion = Motion(still, given, integrator)
-        start, mode0 = jax.lax.cond(
-            periods < 0, lambda: (start, mode0),
-            lambda: _after_transient(motion, start, mode0, t0, cycle, periods),
-        )  # fmt: skip
-        flat, unravel = ravel_pytree(start)
-        motion, frame, found, _ = solve_orbit(
-            motion, start, mode0, t0, cycle, jnp.full(flat.shape, jnp.nan), ACCURACY.solved,
-            forced=True, segments=1, max_steps=ACCURACY.tries,
-        )  # fmt: skip
-        carried, tolerance = found.carried, ACCURACY.solved
+        motion, unravel = Motion(still, given, integrator), ravel_pytree(start)[1]
+        start = jax.lax.cond(
+            periods < 0, lambda: start, lambda: _in_one_mode(motion, start, mode0, t0, cycle)
+        )
+        start, frame, found = _solved(motion, start, mode0, t0, cycle, periods)
+        motion, flat = motion._replace(integrator=spanning(integrator, cycle)), ravel_pytree(start)[0]
+        carried = found.carried
         # One more step of Newton's method, with the derivative of the solution.
         moving = motion._replace(system=system, args=args)
         frame = frame._replace(period=period)
@@ -272,7 +271,7 @@ def _response(
     )  # fmt: skip
     closes = jnp.max(jnp.abs(closing))
     growth = jnp.where(known, carried.pieces[0], 0.0)
-    reached = (found.norm <= tolerance) | (found.stalled & (found.norm <= ACCURACY.stalled * tolerance))
+    reached = _is_reached(found)
     rests = run.y1.integrals["motion"] <= ENGINE.zero**2
     allowed = jnp.minimum(moving.closes * jnp.maximum(jnp.max(jnp.abs(growth)), 1.0), ACCURACY.near)
     result = first_of(
@@ -305,8 +304,8 @@ def _response(
 response_program = jit_plainly(_response)
 
 
-def _after_transient(motion: Motion, y0: PyTree, mode0: Any, t0: Any, period: Any, periods: Any):
-    """State and mode after so many periods from the periodic motion in the mode of the start."""
+def _in_one_mode(motion: Motion, y0: PyTree, mode0: Any, t0: Any, period: Any) -> PyTree:
+    """A state of the periodic motion in the mode of the start; the start where there is none."""
     flat, unravel = ravel_pytree(y0)
     alone = motion._replace(system=InOneMode(motion.system, mode0))
     _, frame, found, _ = solve_orbit(
@@ -315,9 +314,51 @@ def _after_transient(motion: Motion, y0: PyTree, mode0: Any, t0: Any, period: An
     )  # fmt: skip
     still = jnp.abs(found.u - flat / frame.size) <= ACCURACY.short
     linear = found.norm <= ACCURACY.solved
-    begin = unravel(jnp.where(linear & ~still, found.u * frame.size, flat))
-    run = simulate(
-        motion.system, t0, t0 + periods * period, begin, mode0, motion.args,
-        integrator=spanning(motion.integrator, period), saveat=SaveAt(max_events=None), throw=False,
-    )  # fmt: skip
-    return run.y1, run.mode1
+    return unravel(jnp.where(linear & ~still, found.u * frame.size, flat))
+
+
+def _is_reached(found: Newton) -> Any:
+    rounding = found.stalled & (found.norm <= ACCURACY.stalled * ACCURACY.solved)
+    return (found.norm <= ACCURACY.solved) | rounding
+
+
+def _solved(motion: Motion, y0: PyTree, mode0: Any, t0: Any, period: Any, periods: Any) -> tuple:
+    """State after the transient, frame and outcome of Newton's method from there.
+
+    Where it fails, as what is hardly damped has not settled yet, as much again and more is simulated:
+    `periods` times 1, 4, 16, 64. Negative ones: the start is near the motion, and tried as it is.
+    """
+
+    def after(y0, mode0):
+        run = simulate(
+            motion.system, t0, t0 + periods * period, y0, mode0, motion.args,
+            integrator=spanning(motion.integrator, period), saveat=SaveAt(max_events=None), throw=False,
+        )  # fmt: skip
+        return run.y1, run.mode1
+
+    def attempt(number, y0, mode0):
+        # Begun again and again at the same phase: a run has only so many steps.
+        runs = jnp.where(periods < 0, 0, ACCURACY.few**number)
+        y0, mode0 = jax.lax.fori_loop(0, runs, lambda _, state: after(*state), (y0, mode0))
+        size = ravel_pytree(y0)[0].shape
+        _, frame, found, _ = solve_orbit(
+            motion, y0, mode0, t0, period, jnp.full(size, jnp.nan), ACCURACY.solved,
+            forced=True, segments=1, max_steps=ACCURACY.tries,
+        )  # fmt: skip
+        return y0, mode0, frame._replace(free=(), turn=()), found
+
+    def goes_on(state):
+        number, _, mode0, _, found = state
+        # One that ends in another mode than it begins in is none.
+        closed = _is_reached(found) & (found.carried.modes[-1] == mode0)
+        return (number == 0) | ((periods >= 0) & (number < ACCURACY.few) & ~closed)
+
+    # The motion with its derivatives is nearly all of the program: traced once, compiled once.
+    number = jnp.zeros((), jnp.int32)
+    attempt = eqx.filter_closure_convert(attempt, number, y0, mode0)
+    shapes = eqx.filter_eval_shape(attempt, number, y0, mode0)
+    frame, found = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), shapes[2:])
+    _, y0, _, frame, found = jax.lax.while_loop(
+        goes_on, lambda state: (state[0] + 1, *attempt(*state[:3])), (number, y0, mode0, frame, found)
+    )
+    return y0, frame._replace(free=False, turn=turns_of(motion.system, y0)), found

@@ -123,6 +123,8 @@ def test_the_glossary_is_sorted_and_names_what_is_there():
     """Each name in backticks that looks like one of ours is one; every page that is linked exists."""
     words = [term.words.lower() for term in glossary()]
     assert words == sorted(words)
+    single = [word for line in words for word in line.split(", ")]
+    assert [word for word in single if single.count(word) > 1] == []
     known = {name for package in PACKAGES for name in names_in(package)}
     for term in glossary():
         assert term.meaning.endswith(".")

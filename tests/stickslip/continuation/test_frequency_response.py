@@ -25,6 +25,7 @@ from tests.stickslip.continuation._forced import (
     Linear,
     exact,
     flow,
+    half_turn,
     harmonic_balance,
     solved,
 )
@@ -88,6 +89,18 @@ def test_bad_arguments_are_named():
         backbone(Linear(1.3), Motion(0.0, 0.0), "force", [1.0])
     with pytest.raises(ValueError, match=r"energy = None: it must be given for a system that has no"):
         backbone(Duffing(1.3), Motion(0.0, 0.0), "force", [1.0], Forcing(force="t"))
+
+
+@pytest.mark.more
+@pytest.mark.parametrize(("w", "limit"), [(0.97, 0.02), (1.003, 0.02), (1.02, 0.002)])
+def test_what_is_hardly_damped_is_simulated_until_newtons_method_finds_it(w, limit):
+    """Q is 1,000; the last one ends in another mode than it begins in, 20 periods after its start."""
+    found = forced_response(Jenkins(w, limit=limit, damping=0.001), REST, PUSH)
+    top = float(found.amplitude["x"])
+    guess = [top, 3.11 if w > 1.0 else 0.03, np.arccos(1.0 - 4.0 * limit / top)]
+    known = solved(half_turn, guess, w, 0.1, limit, 1.0, 0.5, 0.001)
+    assert top == pytest.approx(known[0], rel=1e-10)
+    assert int(found.num_events) == 4
 
 
 @pytest.fixture(scope="module")
