@@ -59,10 +59,10 @@ figures: setup ## every figure of the papers at full resolution; resumes where i
 results: setup ## take full runs from results/ into the repository, and write the pages from them
 	@$(RUN) -m experiments record
 
-notebooks: setup ## execute notebooks/*.py into notebooks/*.ipynb, those that have changed; ten minutes or more
+notebooks: setup ## execute notebooks/*.py into notebooks/*.ipynb, all if the packages have changed; half an hour
 	@$(RUN) notebooks/_site/execution.py
 
-docs: setup ## the site, into build/docs: with what `make notebooks` made, or executed at quick size
+docs: setup ## the site, into build/docs: notebooks as `make notebooks` left them, else at quick size
 	@$(RUN) -m sphinx -W --keep-going -n -q -j 1 -c notebooks/_site -d build/doctrees notebooks build/docs
 	@echo "build/docs/index.html"
 
@@ -99,8 +99,8 @@ lock: setup ## resolve requirements.lock anew
 	    --extra test --extra notebooks --extra lint --extra docs --group build \
 	    --no-emit-index-url --custom-compile-command "make lock" --output-file requirements.lock
 
-clean: ## remove caches and executed notebooks, keep .venv and results
-	@rm -rf .pytest_cache .hypothesis .ruff_cache build dist notebooks/*.ipynb
+clean: ## remove caches, keep .venv and results
+	@rm -rf .pytest_cache .hypothesis .ruff_cache build dist
 	@find $(PACKAGES) tests notebooks -name __pycache__ -type d -prune -exec rm -rf {} + 2>/dev/null || true
 
 distclean: clean ## clean, and remove .venv

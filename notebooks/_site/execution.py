@@ -31,7 +31,7 @@ def read(text: str) -> nbformat.NotebookNode:
         kept = execute(script, quick=True)
     # Words may have changed since; outputs belong to the code alone.
     for cell, done in zip(_code_cells(notebook), _code_cells(kept), strict=True):
-        cell.outputs = [output for output in done.outputs if output.get("name") != "stderr"]
+        cell.outputs = done.outputs
     notebook.cells.append(nbformat.v4.new_markdown_cell(_said_of(kept.metadata["execution"])))
     return notebook
 
@@ -48,6 +48,10 @@ def execute(script: Path, *, quick: bool) -> nbformat.NotebookNode:
     # The kernel's own log; errors of the notebook are raised here.
     client.execute(env=environment, stderr=subprocess.DEVNULL)
     seconds = round(time.monotonic() - begin)
+    for cell in _code_cells(notebook):
+        hidden = any(tag.startswith("remove-") for tag in cell.metadata.get("tags", ()))
+        shown = [output for output in cell.outputs if output.get("name") != "stderr"]
+        cell.outputs = [] if hidden else shown
     today = datetime.date.today().isoformat()
     told = {"size": size, "seconds": seconds, "date": today, "library": library()}
     notebook.metadata["execution"] = told

@@ -24,7 +24,7 @@ _PROGRAMS: collections.OrderedDict = collections.OrderedDict()
 _SILENT = ("debug_callback", "debug_print")
 _HOST = re.compile(r"callback|ffi_call|custom_partitioning|^debug_print$|^outside_call")
 _SPLIT = "Failed to materialize symbols"
-UNKNOWN_OPERATION = "Unhandled opcode for elemental IR emission"
+UNKNOWN_OPERATION = "UNIMPLEMENTED"  # the status of everything that the compiler has no code for
 _CALLBACK_IN_TEXT = re.compile(r"custom_call @\S*callback")
 
 

@@ -4,6 +4,7 @@ import importlib
 import re
 
 import jupytext
+import nbformat
 import pytest
 
 from tests.house._repository import ROOT
@@ -40,6 +41,18 @@ def test_readers_see_no_plumbing(path):
     for cell in jupytext.read(path, fmt="py:percent").cells:
         if "remove-cell" not in cell.metadata.get("tags", ()):
             assert re.findall(r"QUICK|\bassert\b|assert_allclose", cell.source) == []
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_pages_show_what_the_code_says_at_full_size(path):
+    """Where a cell was changed, `make notebooks` executes its notebook again."""
+    kept = nbformat.read(path.with_suffix(".ipynb"), as_version=4)
+    assert kept.metadata["execution"]["size"] == "full"
+    now = jupytext.read(path, fmt="py:percent")
+    sources = [
+        [cell.source for cell in notebook.cells if cell.cell_type == "code"] for notebook in (kept, now)
+    ]
+    assert sources[0] == sources[1]
 
 
 @pytest.mark.more

@@ -43,16 +43,18 @@ def test_reverse_derivatives_by_the_times_of_breaks_fuse():
     np.testing.assert_allclose(found[:, 1], FORCE * (END - begin - 2.0), rtol=1e-9)
 
 
-def test_what_no_chunk_avoids_is_computed_by_the_portable_executor_at_once(monkeypatch):
+@pytest.mark.parametrize(
+    "words",
+    ["Unhandled opcode for elemental IR emission: scatter", "Fusion kind not implemented on CPU"],
+)
+def test_what_no_chunk_avoids_is_computed_by_the_portable_executor_at_once(monkeypatch, words):
     seen, compiled_program = [], lanes.compiled_program
 
     def refuse(traced, lowered, devices):
         fused = "xla_cpu_small_call" in lowered.as_text()
         seen.append(fused)
         if fused:
-            raise jax.errors.JaxRuntimeError(
-                "UNIMPLEMENTED: Unhandled opcode for elemental IR emission: scatter"
-            )
+            raise jax.errors.JaxRuntimeError(f"UNIMPLEMENTED: {words}")
         return compiled_program(traced, lowered, devices)
 
     def position(begin):
