@@ -91,14 +91,12 @@ def test_signatures_show_what_a_reader_would_write(pages):
     assert pages.signature(f, bound=True) == "(a, *, b=1.5, call=len, rest=tuple(...))"
 
 
-@pytest.mark.slow
+@pytest.mark.more
 def test_the_site_builds_without_a_warning(tmp_path):
-    """The pages alone; `make docs` executes the notebooks too."""
     pytest.importorskip("myst_nb", reason="the extra `docs` is not installed")
     command = [
         sys.executable, "-m", "sphinx", "-W", "--keep-going", "-n", "-q", "-c", str(SITE),
-        "-D", "nb_custom_formats..py=jupytext.reads", "-d", str(tmp_path / "trees"),
-        str(ROOT / "notebooks"), str(tmp_path / "site"),
+        "-d", str(tmp_path / "trees"), str(ROOT / "notebooks"), str(tmp_path / "site"),
     ]  # fmt: skip
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
