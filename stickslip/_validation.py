@@ -28,6 +28,7 @@ import contextlib
 import inspect
 import math
 import operator
+import re
 import reprlib
 from collections.abc import Callable, Collection, Mapping
 from typing import Any, TypeVar
@@ -58,7 +59,8 @@ def shown_value(value: Any) -> str:
         with contextlib.suppress(Exception):  # keys of random numbers have no item
             value = value.item()
     try:
-        return " ".join(_SHORT.repr(value).split())
+        # Of a number that is not known yet its type: "float64[]" for "JitTracer(float64[])".
+        return re.sub(r"\w*Tracer\((\w+\[[\d,]*\])\)", r"\1", " ".join(_SHORT.repr(value).split()))
     except Exception:  # e.g. an integer of too many digits
         return f"<{type(value).__name__}>"
 
