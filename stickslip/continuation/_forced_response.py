@@ -242,7 +242,7 @@ def _response(
         start = jax.lax.cond(
             periods < 0, lambda: start, lambda: _in_one_mode(motion, start, mode0, t0, cycle)
         )
-        start, frame, found = _solved(motion, start, mode0, t0, cycle, periods)
+        start, frame, found = _solution_after_transient(motion, start, mode0, t0, cycle, periods)
         motion, flat = motion._replace(integrator=spanning(integrator, cycle)), ravel_pytree(start)[0]
         carried = found.carried
         # One more step of Newton's method, with the derivative of the solution.
@@ -322,7 +322,9 @@ def _is_reached(found: Newton) -> Any:
     return (found.norm <= ACCURACY.solved) | rounding
 
 
-def _solved(motion: Motion, y0: PyTree, mode0: Any, t0: Any, period: Any, periods: Any) -> tuple:
+def _solution_after_transient(
+    motion: Motion, y0: PyTree, mode0: Any, t0: Any, period: Any, periods: Any
+) -> tuple:
     """State after the transient, frame and outcome of Newton's method from there.
 
     Where it fails, as what is hardly damped has not settled yet, as much again and more is simulated:

@@ -19,8 +19,8 @@ def text_of(page):
     return page.read_text(encoding="utf-8")
 
 
-# The README's own run in the quick suite, and two that take minutes only with everything else.
-LONG = ("friction_dampers-3", "basins-0")
+# The README's own run in the quick suite, and one that takes minutes only with everything else.
+LONG = ("basins-0",)
 
 
 def marks_of(page: Path, number: int) -> list:

@@ -11,6 +11,7 @@ from tests.house._repository import ROOT
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.py"))
 # Half a minute of compilation for functions whose numbers are tested one by one in the quick suite.
 SLOW = {
+    "blade",
     "block_on_belt",
     "bristles",
     "corexy",
