@@ -1,5 +1,6 @@
 """The border between two basins: the unstable motion on it."""
 
+import dataclasses
 from collections.abc import Callable
 
 import jax
@@ -87,9 +88,10 @@ def border_between(
     own: int, is_other: Callable[[np.ndarray], np.ndarray],
 ) -> tuple[float, float, int]:  # fmt: skip
     """The way between two states where the code `own` ends, as narrowly as numbers allow: the parts
-    beside the border, and the code beyond it, for which `is_other`."""
+    beside the border, and the code beyond it, for which `is_other`. What is not settled beside it is
+    followed for up to eight times the duration."""
     one, other = ends
-    low, high, after, few = 0.0, 1.0, own, lanes.few
+    low, high, after, few, longest = 0.0, 1.0, own, lanes.few, ACCURACY.few * settle.duration
     while True:
         part = np.linspace(low, high, few.block)
         code = codes_from(few, settle, attractors, one + part[:, None] * (other - one))
@@ -97,10 +99,20 @@ def border_between(
         at = int(np.argmax(code != own)) - 1
         is_beyond = is_other(code[at + 1 :])
         beyond = at + 1 + int(np.argmax(is_beyond))
-        known = at >= 0 and np.any(is_beyond) and beyond - at <= few.block // 2
-        if not known or (part[at], part[beyond]) == (low, high):
+        enclosed, near = at >= 0 and np.any(is_beyond), beyond - at <= few.block // 2
+        if enclosed and near and (part[at], part[beyond]) != (low, high):
+            low, high, after = part[at], part[beyond], int(code[beyond])
+        elif not enclosed or is_narrow(low, high) or settle.duration >= longest:
             return low, high, after
-        low, high, after = part[at], part[beyond], int(code[beyond])
+        else:
+            # Beside a border that is hardly unstable motions stay for long.
+            settle = dataclasses.replace(settle, duration=2.0 * settle.duration)
+
+
+def is_narrow(low: float, high: float) -> bool:
+    """Whether a border is enclosed to so small a part of the way between two states that shares have
+    the digits they should."""
+    return high - low <= ACCURACY.same * ACCURACY.near
 
 
 def on_border(

@@ -13,7 +13,7 @@ from ..hybrid import AbstractHybridSystem, Integrator, SaveAt, simulate
 from ..hybrid.components import numbers_of
 from ._accuracy import ACCURACY
 from ._basins import Basins, check_start, turns
-from ._border import border_between, border_motion, on_border
+from ._border import border_between, border_motion, is_narrow, on_border
 from ._codes import FAILED, LEFT, NOT_SETTLED, OTHERS
 from ._judged import Judged, codes_from
 from ._lanes import Lanes, rows_of
@@ -172,7 +172,11 @@ class _Plane:
         """`border_between` two places, the first with the code `own`."""
         ends = self.states(one), self.states(other)
         given = self.lanes, self.settle, self.attractors, ends, own
-        return border_between(*given, lambda now: ~_is_open(now) & (now != own))
+        low, high, beyond = border_between(*given, lambda now: ~_is_open(now) & (now != own))
+        if not is_narrow(low, high):
+            allowed = "long enough for motions beside the borders to settle"
+            raise refusal("settle.duration", self.settle.duration, allowed)
+        return low, high, beyond
 
     def border(self, place: np.ndarray, along: np.ndarray, left: int, right: int) -> _Arc | None:
         """The border from a place of the edge on, or None where it comes out of the box there."""

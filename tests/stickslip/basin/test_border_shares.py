@@ -1,12 +1,13 @@
 """Shares by borders: stable manifolds backwards in time by SciPy, orbits, sets at rest, refusals."""
 
-from typing import ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+import stickslip as ss
 from stickslip.basin import Settle, basins, border_shares
 from stickslip.basin._border_shares import _Plane
 from stickslip.mechanism import AbstractMechanism
@@ -28,6 +29,31 @@ class Driven(AbstractMechanism):
 
     def forces(self, t, q, v, args):
         return {"x": 0.5 - jnp.sin(q.x) - 0.2 * v.x}
+
+
+class Point(NamedTuple):
+    x: Any
+    y: Any
+
+
+class Turning(ss.AbstractSmoothSystem):
+    r"""$\dot r = \sigma r (r^2 - 1)$, $\dot\varphi = 1$: the unit circle is hardly unstable."""
+
+    growth: Any = 0.05
+
+    def vector_field(self, t, y, mode, args):
+        growth = self.growth * (y.x**2 + y.y**2 - 1.0)
+        return Point(growth * y.x - y.y, growth * y.y + y.x)
+
+
+def test_motions_that_stay_beside_a_border_for_long_are_followed_for_longer():
+    """Off by a thousandth where the border is taken in the middle of what is not settled."""
+    box, far = {"x": (-2.0, 2.0), "y": (0.0, 2.0)}, (-20.0, 20.0)
+    settle = Settle(70.0, limits={"x": far, "y": far})
+    found = basins(Turning(), Point(0.0, 0.0), box, settle, points=(16, 8))
+    shares = border_shares(Turning(), found, settle)
+    assert shares["fixed point 1"] == pytest.approx(np.pi / 16.0, abs=1e-9)
+    assert shares["left the limits"] == pytest.approx(1.0 - np.pi / 16.0, abs=1e-9)
 
 
 def share_of_the_right_well(damping):
