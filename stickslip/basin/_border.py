@@ -101,7 +101,7 @@ def border_between(
         beyond = at + 1 + int(np.argmax(is_beyond))
         enclosed, near = at >= 0 and np.any(is_beyond), beyond - at <= few.block // 2
         if enclosed and near and (part[at], part[beyond]) != (low, high):
-            low, high, after = part[at], part[beyond], int(code[beyond])
+            low, high, after = float(part[at]), float(part[beyond]), int(code[beyond])
         elif not enclosed or is_narrow(low, high) or settle.duration >= longest:
             return low, high, after
         else:

@@ -52,7 +52,8 @@ def border_shares(
     along its parts of the edge and its borders. A basin that does not reach the edge lies inside of an
     unstable orbit, which is solved (`border_motion`).
 
-    **Arguments** `system`, `args`, `integrator`, `settle`: those of the map `found`.
+    **Arguments** `system`, `args`, `integrator`, `settle`: those of the map `found`. Motions beside a
+    border are followed for up to eight times the duration, until it is enclosed.
 
     **Returns** the share of each attractor of the map by name, to some 1e-7, and of "left the limits"
     where motions from the edge do. A part of a basin that is narrower at the edge than a 256th of a
