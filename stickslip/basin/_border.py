@@ -88,8 +88,8 @@ def border_between(
     own: int, is_other: Callable[[np.ndarray], np.ndarray],
 ) -> tuple[float, float, int]:  # fmt: skip
     """The way between two states where the code `own` ends, as narrowly as numbers allow: the parts
-    beside the border, and the code beyond it, for which `is_other`. What is not settled beside it is
-    followed for up to eight times the duration."""
+    beside the border, and the code beyond it, for which `is_other`. Motions that are not settled
+    beside it are followed for up to eight times the duration."""
     one, other = ends
     low, high, after, few, longest = 0.0, 1.0, own, lanes.few, ACCURACY.few * settle.duration
     while True:
