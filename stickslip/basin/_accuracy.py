@@ -11,10 +11,11 @@ class Accuracy:
     """Parts of the duration, after each of which motions are judged."""
     many: int = 128
     """Pieces of an orbit, at least: its cubics are then off by some 1e-8 of its size. Motions about an
-    attractor at each radius that is looked at. States between two at rest, all of which must be."""
+    attractor at each radius that is looked at, and those that are judged together. States between two
+    at rest, all of which must be."""
     few: int = 8
     """Places of an orbit about which motions are looked at. Motions that are asked for an attractor in
-    one go."""
+    one go. Durations for which motions beside a border are followed, at most."""
     levels: int = 12
     """Radii about an attractor, each half of the one before, at which motions are looked at. Steps of
     Newton's method to a border."""
@@ -24,7 +25,8 @@ class Accuracy:
     over the duration, at least. Angle by which a border bends between two places [rad], and part of the
     box that they are apart, at most."""
     same: float = 1e-6
-    """The same: an attractor nearer to another one is that one."""
+    """The same: an attractor nearer to another one is that one. A tenth of it (`near`) is the part of
+    the way between two places to which a border is enclosed where it begins."""
     block: int = 8 * many
     """Motions in one call of their program."""
     places: int = 4 * block

@@ -66,11 +66,12 @@ def distances(tubes: list[Tube], y: np.ndarray, mode: np.ndarray) -> np.ndarray:
     count, size = len(y), ACCURACY.many
     away = np.zeros((count, len(tubes)))
     mode = np.asarray(mode, np.int64)
-    # In blocks of one size, tube by tube: few programs for all numbers of them.
-    for begin in range(0, count, size):
-        rows = np.minimum(np.arange(begin, begin + size), count - 1)
-        for k, tube in enumerate(tubes):
-            found = _distances(stack_of([tube], y.shape[1]), y[rows], mode[rows])
+    # Tube by tube, in blocks of one size: few programs for all numbers of them.
+    for k, tube in enumerate(tubes):
+        one = stack_of([tube], y.shape[1])
+        for begin in range(0, count, size):
+            rows = np.minimum(np.arange(begin, begin + size), count - 1)
+            found = _distances(one, y[rows], mode[rows])
             away[begin : begin + size, k] = np.asarray(found)[: count - begin, 0]
     return away
 

@@ -82,7 +82,8 @@ class Accuracy:
     rounds: int = 12
     """Times that a search begins anew from what was found."""
     few: int = 4
-    """The same, where each costs several orbits."""
+    """The same, where each costs several orbits, as attempts at a response do; each of these has so
+    many times the periods of the one before."""
     nearer: float = 2.0**-6
     """Part of what is left to which a round of bisection comes; where one round decides, it comes as
     far as four."""
