@@ -84,7 +84,8 @@ class Closure(NamedTuple):
 
     `ends` are the ends of the pieces as flat states; `modes`, those at their ends. `sequence`: hash of
     the guards and modes of each piece, `num_events` how many there are. `pieces`: monodromy of each, in
-    parts of the size; `neutral`: projection on the shifts that they leave alone, likewise.
+    parts of the size; `neutral`: projection on the shifts that they leave alone, likewise; `conserved`:
+    `conservation_rows`, where the period is known.
     """
 
     residual: Float[Array, " unknown"]
@@ -97,6 +98,7 @@ class Closure(NamedTuple):
     num_events: Array
     pieces: Array | None = None
     neutral: Array | None = None
+    conserved: Array | None = None
 
 
 def unknowns(y: Float[Array, "segment size"], frame: Frame) -> Float[Array, " unknown"]:
@@ -168,9 +170,9 @@ def equations(
     rows = slice((segments - 1) * count, segments * count)
     last = jacobian[rows] - neutral @ jacobian[rows] + neutral @ jnp.eye(count, u.shape[0])
     jacobian = jacobian.at[rows].set(last)
-    if not frame.free:
-        jacobian = jacobian + conservation_rows(jacobian, rows)
-    found = found._replace(pieces=pieces, neutral=neutral)
+    conserved = None if frame.free else conservation_rows(jacobian, rows)
+    jacobian = jacobian if conserved is None else jacobian + conserved
+    found = found._replace(pieces=pieces, neutral=neutral, conserved=conserved)
     found = found._replace(residual=residual_at_place(found, u, frame, neutral))
     return found.residual, jacobian, found
 

@@ -170,7 +170,10 @@ class Orbits(AbstractFamily):
         last, at = border(problem, point, distance, alike(point))
         yield Leg(point, last, at)
         way, near = None, False
-        if at < distance:
+        # Where a shorter step from there goes on Newton's method had gone elsewhere: any branch that is
+        # near would be taken for what lies beyond.
+        goes = ACCURACY.closes * longest < at < distance and self._goes_on(last, at)
+        if at < distance and not goes:
             way, near = self._beyond(last, found, distance - at, ACCURACY.near * distance)
         if way is not None:
             yield from self._through(points, last, way, way[0] is found, near, (distance, longest))
@@ -181,6 +184,12 @@ class Orbits(AbstractFamily):
             result = found.result if isinstance(found, Failure) else "not_converged"
             result = "grazes" if touches(problem, last, [last.tangent]) else result
             yield Event("EP", last, self._endless(points)[0] or result, ends=True)
+
+    def _goes_on(self, point: Point, distance: float) -> bool:
+        """Whether the branch does, in sizes measured anew: what was at rest may have begun to move."""
+        point = remeasure(self.problem, point)
+        new = ahead(self.problem, point, distance)
+        return isinstance(new, Point) and alike(point)(new) and not leaps(point, new, distance)
 
     def _through(
         self, points: list[Point], last: Point, way: list[Point], alone: bool, near: bool,

@@ -20,7 +20,7 @@ class Point:
     """An orbit on the branch, with what the next step starts from.
 
     `values`, `[parameter]`. `tangent`: of the branch, `[unknown]`; with two parameters an orthonormal
-    basis of the plane of orbits, `[2, unknown]`.
+    basis of the plane of orbits, `[2, unknown]`. `conserved`: as of a `Closure`.
     """
 
     u: np.ndarray
@@ -31,6 +31,7 @@ class Point:
     orbit: PeriodicOrbit
     evaluations: int
     values: np.ndarray
+    conserved: np.ndarray | None = None
 
     @property
     def value(self) -> float:
@@ -144,7 +145,7 @@ def correct(
     if tangent is None:
         return Failure("singular")
     values = u[-len(problem.names) :] * np.asarray(problem.unit)
-    return Point(u, modes, anchor, tangent, jacobian, orbit, evaluation, values)
+    return Point(u, modes, anchor, tangent, jacobian, orbit, evaluation, values, found.conserved)
 
 
 def ahead(
@@ -154,7 +155,35 @@ def ahead(
     way = point.tangent if way is None else way
     found = correct_from(problem, point, distance * way)
     there = point.u + distance * way
-    return Failure("not_converged") if is_astray(found, there, distance, ACCURACY.strays) else found
+    if isinstance(found, Failure) or is_astray(found, there, distance, ACCURACY.strays):
+        return Failure("not_converged") if isinstance(found, Point) else found
+    return found if found.sequence != point.sequence else _in_family(problem, point, found, there)
+
+
+def _in_family(problem: Problem, point: Point, found: Point, there: np.ndarray) -> Point | Failure:
+    """The orbit of a family whose conserved numbers are those of where it was looked for.
+
+    A slider that sticks all the time is anywhere. Where Newton's method comes across states in which it
+    slips, these move it, and the orbit would stick up to elsewhere than the others of its branch.
+    """
+    away = _moved_in_family(found, there)
+    if not np.any(np.abs(away) > ACCURACY.solved):
+        return found
+    rows = np.vstack([found.jacobian, point.tangent])
+    right = np.append(away, np.zeros(len(rows) - away.size))
+    back = found.u - np.linalg.lstsq(rows, right, rcond=ACCURACY.rounding)[0]
+    again = correct(problem, back, found.modes, found.anchor, point.tangent, point.tangent)
+    if isinstance(again, Failure) or again.sequence != point.sequence:
+        return Failure("not_converged")
+    away = _moved_in_family(again, there)
+    return Failure("not_converged") if np.any(np.abs(away) > ACCURACY.solved) else again
+
+
+def _moved_in_family(found: Point, there: np.ndarray) -> np.ndarray:
+    """By how much the conserved numbers of an orbit are others than those of these unknowns."""
+    if found.conserved is None:
+        return np.zeros(1)
+    return found.conserved @ (found.u - there)[: found.conserved.shape[1]]
 
 
 def correct_from(problem: Problem, point: Point, move: np.ndarray) -> Point | Failure:

@@ -13,7 +13,9 @@ import stickslip as ss
 from stickslip.continuation import (
     Follow,
     Forcing,
+    OrbitGuess,
     backbone,
+    continue_orbit,
     forced_response,
     frequency_response,
 )
@@ -23,6 +25,7 @@ from tests.stickslip.continuation._forced import (
     Duffing,
     Jenkins,
     Linear,
+    Slider,
     exact,
     flow,
     half_turn,
@@ -166,6 +169,37 @@ def test_every_point_is_in_closed_form(jenkins):
 
 
 @pytest.mark.more
+@pytest.mark.parametrize(
+    ("limit", "stiffness", "damping", "ends"),
+    [
+        # Near the border Newton's method comes across slips, which moved the slider: 3.5e-7 off.
+        (0.36, 1.4, 0.005, (0.86, 1.45)),
+        # Beyond it a step failed, because the slider had the size that it has at rest, and the motion
+        # that sticks was taken for what comes next: a border at 1.00124 that is none.
+        (0.1, 0.5, 0.04, (0.6, 1.05)),
+    ],
+)
+def test_a_slider_that_begins_to_slip_has_one_border(limit, stiffness, damping, ends):
+    def linear(w):
+        return 0.1 / (1.0 + stiffness - w**2 + 1j * damping * w)
+
+    system = Jenkins(ends[0], limit=limit, tangential=stiffness, damping=damping)
+    x = linear(ends[0])
+    start = Slider(x.real, (1j * ends[0] * x).real, 0.0)
+    branch = continue_orbit(
+        system, OrbitGuess(start, 2.0 * np.pi / ends[0], 1), "frequency", ends,
+        forcing_period=PUSH.rule, follow=Follow(step=0.02, max_points=1000, both=False),
+    )  # fmt: skip
+    assert [special.label for special in branch.specials] == ["GR", "EP"]
+    border, end = branch.specials
+    right = brentq(lambda w: abs(linear(w)) - limit / stiffness, 0.95, ends[1])
+    assert border.value == pytest.approx(right, abs=1e-10)
+    assert abs(float(border.orbit.y0.z)) < 1e-15
+    assert end.value == pytest.approx(ends[1])
+    assert int(end.orbit.events.count) == 4
+
+
+@pytest.mark.more
 @pytest.mark.parametrize("unit", [1.0, 1e-9])
 def test_a_slider_that_never_moves_has_the_size_of_what_does(unit):
     """In nanometres as in metres: its place is one multiplier, the others are those of the mass."""
@@ -306,8 +340,11 @@ def test_a_duffing_oscillator_folds():
     found = frequency_response(Duffing(1.0), Motion(0.0, 0.0), (0.8, 2.2), follow=Follow(step=0.03))
     folds = found.branch["LP"]
     assert len(folds) == 2
+    w = np.asarray(found.frequency)
+    # Beside a fold, on its own branch: there the frequency turns.
+    turned = np.flatnonzero(np.diff(w[1:]) * np.diff(w[:-1]) < 0) + 1
     for fold in folds:
-        i = int(np.argmin(np.abs(np.asarray(found.frequency) - fold.value)))
+        i = turned[np.argmin(np.abs(w[turned] - fold.value))]
         first = found.responses.harmonics["x"][i]
         guess = np.zeros(11)
         guess[[0, 5, 10]] = first[0].real, -first[0].imag, fold.value

@@ -94,24 +94,32 @@ def test_parameters_per_lane_need_no_vmap(law):
 @every_law
 def test_forces_oppose_coefficient_and_drag(law):
     normal_force = 7.0
-    expected = -(law.coefficient(V) * normal_force + law.drag(V))
-    np.testing.assert_array_equal(law.force(V, normal_force), expected)
-    np.testing.assert_allclose(
-        law.slip_force(V, normal_force, jnp.sign(V)), expected, rtol=1e-14, atol=0
-    )
-    np.testing.assert_allclose(
-        law.force_from_state(V, normal_force, law.steady_state(V)), expected, rtol=1e-12, atol=0
-    )
+
+    # Each operation outside of `jit` would be a program of its own.
+    @eqx.filter_jit
+    def forces(law):
+        slip = law.slip_force(V, normal_force, jnp.sign(V))
+        state = law.force_from_state(V, normal_force, law.steady_state(V))
+        return law.coefficient(V), law.drag(V), law.force(V, normal_force), slip, state
+
+    coefficient, drag, force, slip, state = map(np.asarray, forces(law))
+    expected = -(coefficient * normal_force + drag)
+    np.testing.assert_allclose(force, expected, rtol=1e-15, atol=0)
+    np.testing.assert_allclose(slip, expected, rtol=1e-14, atol=0)
+    np.testing.assert_allclose(state, expected, rtol=1e-12, atol=0)
 
 
 @every_law
-@pytest.mark.parametrize("sense", [1, -1])
-def test_branch_of_a_sense_is_bounded_beyond_rest(law, sense):
+def test_branch_of_a_sense_is_bounded_beyond_rest(law):
     """Trial steps land anywhere beyond zero velocity; only viscous terms may grow there."""
-    beyond = -sense * SPEEDS
-    branch = law.kinetic(beyond, sense)
-    assert np.isfinite(branch).all()
-    assert (np.abs(branch) <= 3.0 * (law.static_coefficient(sense) + 0.3) + 0.3 * SPEEDS).all()
+
+    @eqx.filter_jit
+    def branches(law):
+        return [(law.kinetic(-s * SPEEDS, s), law.static_coefficient(s)) for s in (1, -1)]
+
+    for branch, at_rest in branches(law):
+        assert np.isfinite(branch).all()
+        assert (np.abs(branch) <= 3.0 * (np.asarray(at_rest) + 0.3) + 0.3 * SPEEDS).all()
 
 
 def primitives(jaxpr):
