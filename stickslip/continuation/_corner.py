@@ -64,7 +64,7 @@ def led_back(problem: Problem, last: Point, new: Point) -> list[Point] | None:
     """Orbits of the branch of another sequence from the border on to one of them, outwards.
 
     The branch is followed back to the border. None if it does not lead there: then it is another one
-    that passes by.
+    that passes by; or if it leads back along the branch that ends there.
     """
     way = [new if (last.u - new.u) @ new.tangent > 0 else new.backward()]
     whole = float(np.linalg.norm(last.u - new.u))
@@ -77,7 +77,9 @@ def led_back(problem: Problem, last: Point, new: Point) -> list[Point] | None:
         left = float(np.linalg.norm(last.u - point.u))
     if left > max(ACCURACY.little, ACCURACY.shrinks * whole):
         return None
-    return [point.backward() for point in reversed(way)]
+    outwards = [point.backward() for point in reversed(way)]
+    # The branch itself, back again, with events that only rounding makes of it.
+    return None if outwards[0].tangent @ last.tangent < ACCURACY.known - 1.0 else outwards
 
 
 def _nearer(problem: Problem, last: Point, point: Point, left: float) -> Point | None:

@@ -138,9 +138,12 @@ class Sliders:
         grip = (d - stretch) * (d + stretch)
         # In parts of a constant limit: before anything moves a small number is taken for rounding.
         grip = grip / jnp.where(~self.varies & (d > 0.0), d * d, 1.0)
-        # It begins at zero without a slope where an element has turned: not at a rounding beside that.
-        near = jnp.abs(d - jnp.abs(stretch)) <= ENGINE.few_roundings * self.terms[self.first]
-        grip = grip - jax.lax.stop_gradient(jnp.where(near, grip, 0.0))
+        # It begins at zero without a slope where an element has turned: not at a rounding beside that,
+        # nor with the speed that rounding has left of the turn, on whose way it is stopped.
+        rounding = ENGINE.few_roundings * self.terms[self.first]
+        near = jnp.abs(d - jnp.abs(stretch)) <= rounding
+        turned = near & (jnp.square(rates.v) <= rounding * jnp.abs(rates.a))
+        grip = jnp.where(turned, 0.0, grip - jax.lax.stop_gradient(jnp.where(near, grip, 0.0)))
         turn = self.sense * rates.v - rates.limit
         both, turn = jnp.where(self.k == 0.0, grip, turn), jnp.where(self.k == 0.0, 1.0, turn)
         if self.varies.any():

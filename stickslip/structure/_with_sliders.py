@@ -238,8 +238,10 @@ class WithSliders(AbstractSystemWrapper, AbstractMechanicalSystem):
 
     def guards(self, t, y, mode, args):
         inner, k = self._split(mode)
-        own = self._sliders(t, y, k, args).guards(self._rates(t, y, args))
-        return (*self._under(y.z, k).guards(t, y.y, inner, args), *own)
+        under = self._under(y.z, k)
+        rates = self._rates(t, y, args, under.vector_field(t, y.y, inner, args))
+        own = self._sliders(t, y, k, args).guards(rates)
+        return (*under.guards(t, y.y, inner, args), *own)
 
     def transition(self, t, y, mode, guard, args):
         """State and mode right after guard number `guard` has fired; -1 if a load has jumped."""

@@ -88,6 +88,7 @@ def test_an_orbit_beyond_a_border_is_one_of_a_branch_that_leads_back_to_it():
     assert way is not None
     assert all(np.hypot(*p.orbit.y0) == pytest.approx(1.0, abs=1e-9) for p in way)
     assert led_back(problem, last, other) is None
+    assert led_back(problem, last, start) is None  # the branch itself, back again
 
 
 def test_an_orbit_that_repeats_itself_is_none_of_the_branch_that_doubles_it():
