@@ -108,8 +108,6 @@ class Orbits(AbstractFamily):
     ) -> Point | Failure | None:
         if test.bound:
             return _at_bound(self.problem, before, after, distance, test)
-        if np.array_equal(before.u, after.u):
-            return None  # beyond a border, where the sign was another, the branch has not gone on
         if test.label == "BP":
             # There Newton's method has no step.
             return zero_beside(self.problem, before, after, test)

@@ -31,7 +31,7 @@ class Point:
     orbit: PeriodicOrbit
     evaluations: int
     values: np.ndarray
-    conserved: np.ndarray | None = None
+    conserved: np.ndarray | None
 
     @property
     def value(self) -> float:
@@ -155,9 +155,11 @@ def ahead(
     way = point.tangent if way is None else way
     found = correct_from(problem, point, distance * way)
     there = point.u + distance * way
-    if isinstance(found, Failure) or is_astray(found, there, distance, ACCURACY.strays):
-        return Failure("not_converged") if isinstance(found, Point) else found
-    return found if found.sequence != point.sequence else _in_family(problem, point, found, there)
+    if is_astray(found, there, distance, ACCURACY.strays):
+        return Failure("not_converged")
+    if isinstance(found, Failure) or found.sequence != point.sequence:
+        return found
+    return _in_family(problem, point, found, there)
 
 
 def _in_family(problem: Problem, point: Point, found: Point, there: np.ndarray) -> Point | Failure:

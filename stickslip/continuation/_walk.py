@@ -132,7 +132,8 @@ class _Watch:
                 beyond = self._nearby(after, self.step)
                 now = now if isinstance(beyond, Failure) else test.sign(beyond)
             self.signs[key] = now or (was if test(after) == test(after) else 0)
-            if was * now < 0:
+            # Beside a border, where the sign was another, a piece may have no length.
+            if was * now < 0 and leg.distance != 0.0:
                 found += self._event(test, before, after, leg, found)
         if leg.backward:
             self.signs = {_key(test): test.sign(leg.after) for test in self.tests(leg.after)}

@@ -139,10 +139,11 @@ class Sliders:
         # In parts of a constant limit: before anything moves a small number is taken for rounding.
         grip = grip / jnp.where(~self.varies & (d > 0.0), d * d, 1.0)
         # It begins at zero without a slope where an element has turned: not at a rounding beside that,
-        # nor with the speed that rounding has left of the turn, on whose way it is stopped.
+        # nor with the speed that rounding has left, which is stopped within a rounding of the way.
         rounding = ENGINE.few_roundings * self.terms[self.first]
         near = jnp.abs(d - jnp.abs(stretch)) <= rounding
-        turned = near & (jnp.square(rates.v) <= rounding * jnp.abs(rates.a))
+        left = jnp.sign(stretch) * rates.v - rates.limit
+        turned = near & (jnp.square(left) <= rounding * jnp.abs(rates.a))
         grip = jnp.where(turned, 0.0, grip - jax.lax.stop_gradient(jnp.where(near, grip, 0.0)))
         turn = self.sense * rates.v - rates.limit
         both, turn = jnp.where(self.k == 0.0, grip, turn), jnp.where(self.k == 0.0, 1.0, turn)

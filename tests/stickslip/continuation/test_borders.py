@@ -1,16 +1,20 @@
 """What a border between mode sequences is called, and when a branch has come round; by hand."""
 
+import dataclasses
 from types import SimpleNamespace
+from unittest.mock import create_autospec
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from stickslip.continuation._along import Anchor
+from stickslip.continuation import Follow, _family
+from stickslip.continuation._along import Anchor, Problem
+from stickslip.continuation._corner import led_back
 from stickslip.continuation._kinds import kind_of
 from stickslip.continuation._orbit import PeriodicOrbit
 from stickslip.continuation._point import Point
-from stickslip.continuation._walk import has_come_round
+from stickslip.continuation._walk import _Watch, has_come_round
 from stickslip.systems import JointedBeam
 
 BEAM = JointedBeam.constructed(1e-3)  # slip backward, stick, slip forward, no contact
@@ -29,7 +33,7 @@ def point(modes, parameter=0.0, way=1.0, times=None):
     extent = np.ones(1)
     anchor = Anchor(None, 0.0, 1.0, None, extent, extent, extent, None, None)
     u, tangent = np.array([0.0, parameter]), np.array([1.0, way])
-    return Point(u, None, anchor, tangent, np.zeros((1, 2)), orbit, 1, np.array([parameter]))
+    return Point(u, None, anchor, tangent, np.zeros((1, 2)), orbit, 1, np.array([parameter]), None)
 
 
 @pytest.mark.parametrize("turn", range(4))
@@ -64,3 +68,28 @@ def points(ways):
 def test_a_branch_that_has_not_turned_back_has_not_come_round():
     assert not has_come_round(points([0.01] * 12), 0.1)
     assert has_come_round(points([0.01] * 5 + [-0.01] * 5 + [0.01] * 2), 0.1)
+
+
+def test_a_branch_does_not_lead_back_along_itself():
+    """Another sequence, by an event of rounding, with the same orbits: no way on."""
+    last = point([0, 1], way=0.0)
+    behind, beyond = (
+        dataclasses.replace(point([0, 1, 0, 1], way=0.0), u=np.array([x, 0.0])) for x in (-1e-6, 1e-6)
+    )
+    problem = object.__new__(Problem)  # nothing is asked of it
+    assert led_back(problem, last, behind) is None
+    assert led_back(problem, last, beyond)[0].tangent.tolist() == [1.0, 0.0]
+
+
+def test_a_piece_without_length_has_no_special_point():
+    """The sign that is remembered is that from before a border."""
+    family = create_autospec(_family.AbstractFamily, instance=True)
+    family.names, family.length.return_value = ("p",), 0.0
+    family.tests.side_effect = lambda point: [_family.Test("BP", lambda point: float(point.values[0]))]
+    family.others.side_effect = lambda leg, found: found
+    family.zero.side_effect = lambda before, after, *_: after
+    watch = _Watch(family, ((-2.0, 2.0),), Follow())
+    low, high = (SimpleNamespace(values=np.array([x])) for x in (-1.0, 1.0))
+    assert watch.on_leg(_family.Leg(low, low, 0.1)) == []
+    assert watch.on_leg(_family.Leg(high, high, 0.0)) == []
+    assert [event.label for event in watch.on_leg(_family.Leg(high, low, 0.1))] == ["BP"]
