@@ -120,8 +120,8 @@ class AbstractMechanism(AbstractWithObservables):
     `WithBreaks`.
 
     A coordinate may stand for an array of them, as those of a beam, if no contact and no other inertia
-    touches it; `energy` then has to be overridden, and states made by `state_class`. So may a state of
-    first order, as temperatures along a rod.
+    touches it; `energy` and `declared_power` then have to be overridden, and states made by
+    `state_class`. So may a state of first order, as temperatures along a rod.
 
     **What follows**
 

@@ -52,6 +52,7 @@ class AbstractWithObservables(AbstractDeclaration):
     def energy(self, y):
         """Kinetic and potential energy [J]."""
         q, v = self.to_coordinates(y)
+        one_shape(v)
         momentum = mass_of(self.mass_matrix(q), self.names.coordinates).times(v)
         return total((0.5 * dot(v, momentum), self.potential_energy(q)))
 
@@ -90,6 +91,7 @@ class AbstractWithObservables(AbstractDeclaration):
 
     def declared_power(self, at: Instant, states: PyTree) -> Any:
         """Power of all forces but friction, less what the potential and the changing inertia take."""
+        one_shape(at.v)
         force = at.forces_in(states)
 
         def stored_energy(q):
@@ -182,3 +184,11 @@ class AbstractWithObservables(AbstractDeclaration):
         borne = self.stop_forces(t, y, mode, args) if moving else {}
         names = {k: self.names.stops[k] for k in moving}
         return {f"drive of {name}": -borne[name] * stops[k].rate for k, name in names.items()}
+
+
+def one_shape(v: Any) -> None:
+    """Raise where some coordinates are arrays: sums over them are not those of rows of a log."""
+    shapes = {np.shape(x) for x in v}
+    if len(shapes) > 1:
+        allowed = "one: with coordinates that are arrays override `energy` and `declared_power`"
+        raise refusal("shapes of the velocities", sorted(shapes), allowed)

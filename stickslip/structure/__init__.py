@@ -14,5 +14,8 @@ from ._masing import masing_loop as masing_loop
 from ._reduce import Reduction as Reduction
 from ._reduce import craig_bampton as craig_bampton
 from ._reduce import modal_damping as modal_damping
+from ._with_contacts import NodeContact as NodeContact
+from ._with_contacts import NodeStop as NodeStop
+from ._with_contacts import WithContacts as WithContacts
 from ._with_sliders import Slid as Slid
 from ._with_sliders import WithSliders as WithSliders

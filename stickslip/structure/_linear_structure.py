@@ -133,10 +133,7 @@ class LinearStructure(AbstractSmoothSystem, AbstractMechanicalSystem):
 
     def time_scale(self, args):
         """That of the force, where it says one; infinity without a force."""
-        if self.force is None:
-            return jnp.inf
-        known = getattr(self.force, "time_scale", None)
-        return None if known is None else known(args)
+        return load_time_scale(self.force, args)
 
     def forces(self, t: Numeric, q: PyTree, v: PyTree, args: PyTree) -> Float[Array, " node"]:
         """All forces but those of inertia [N]."""
@@ -174,6 +171,14 @@ class LinearStructure(AbstractSmoothSystem, AbstractMechanicalSystem):
         lost = y.v @ self.damping @ y.v
         stored = y.v @ self.stiffness @ y.q
         return {"forces": self.forces(t, y.q, y.v, args) @ y.v + stored + lost, "damping": -lost}
+
+
+def load_time_scale(force: Any, args: PyTree) -> Any:
+    """Time scale that a force says, None if it does not; infinity without a force."""
+    if force is None:
+        return jnp.inf
+    known = getattr(force, "time_scale", None)
+    return None if known is None else known(args)
 
 
 def square(name: str, value: Any, shape: Any = None) -> Any:

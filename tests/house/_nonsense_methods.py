@@ -28,7 +28,7 @@ from tests.house._nonsense_laws import BLOCK, DRY, SMOOTH
 from tests.house._nonsense_machine import PARAMETERS, VOLTAGE
 from tests.house._nonsense_public import methods_of
 from tests.house._nonsense_report import COMPARISON, POSTERIOR, PROFILE, REPORT
-from tests.house._nonsense_structure import DAMPED, SLID
+from tests.house._nonsense_structure import DAMPED, RUBBED, SLID
 from tests.house._nonsense_structure import PAIR as PAIR_OF_NODES
 from tests.house._nonsense_target import Argument, Target, arg
 
@@ -125,6 +125,8 @@ TARGETS = [
         PAIR_OF_NODES, y=arg(PAIR_OF_NODES.state()),
         **dict.fromkeys("qv", arg([1.0, 2.0], "none", "row")),
     ),
+    *of(RUBBED, y=arg(RUBBED.state()), start__y=arg(PAIR_OF_NODES.state()),
+        direction=arg([1.0, 2.0], "row")),
     *of(DAMPED, y=arg(SLID), start__y=arg(SLID.y), z=arg([0.0], "none"),
         start__t=arg(0.0, "finite", "float32"), t=arg(0.1, "real")),
     *of(LOOP, y=arg(LOOP.start(AXIS)), start__y=arg(AXIS, STATES),

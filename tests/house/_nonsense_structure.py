@@ -3,12 +3,15 @@
 import numpy as np
 
 from stickslip import structure
+from stickslip.friction import Coulomb
 from tests.house._nonsense_laws import NOT_NEGATIVE, POSITIVE
 from tests.house._nonsense_target import Target, arg
 
 PAIR = structure.LinearStructure(np.eye(2), np.eye(2), np.eye(2))
 ELEMENT = structure.Jenkins([1.0, -1.0], 1.0, 0.1)
 DAMPED = structure.WithSliders(PAIR, {"damper": ELEMENT})
+PAD = structure.NodeContact([1.0, 0.0], Coulomb(0.5, 0.3))
+RUBBED = structure.WithContacts(PAIR, {"pad": PAD})
 SLID = DAMPED.start(PAIR.state())
 MATRIX = arg(np.eye(2))
 DIRECTION = arg([1.0, -1.0], "row", "function", "entries")
@@ -47,6 +50,23 @@ TARGETS = [
         },
     ),
     Target(structure.WithSliders, {"system": arg(PAIR), "sliders": arg({"damper": ELEMENT})}),
+    Target(structure.WithContacts, {"system": arg(PAIR), "contacts": arg({"pad": PAD})}),
+    Target(
+        structure.NodeContact,
+        {
+            "direction": arg([1.0, -1.0], "row"), "law": arg(Coulomb(0.5, 0.3)),
+            "normal_force": arg(1.0, "none", "not negative", "float32", "function"),
+            "surface_speed": arg(0.1, "none", "finite", "float32", "function"),
+        },
+    ),
+    Target(
+        structure.NodeStop,
+        {
+            "direction": arg([1.0, -1.0], "row"), "gap": arg(0.1, "finite", "float32"),
+            "restitution": arg(0.5, "not negative", "float32"),
+            "rest_speed": arg(0.0, "not negative", "float32"),
+        },
+    ),
     Target(
         structure.craig_bampton,
         {"mass": MATRIX, "stiffness": MATRIX, "boundary": arg([1]), "modes": arg(1, "count")},

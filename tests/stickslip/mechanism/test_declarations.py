@@ -92,6 +92,10 @@ def test_refused_where_it_is_made(case):
     assert "\n" not in str(caught.value).strip()
 
 
+def test_an_entry_that_cancels_may_be_of_rounding():
+    declared(mass=((1.0, 2e-18), (-3e-18, 4.0)))
+
+
 def pad(**changes):
     return {"pad": Contact(**{"law": DRY, **changes})}
 
