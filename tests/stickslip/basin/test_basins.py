@@ -1,5 +1,6 @@
 """Attractors and their basins, beside SciPy and closed forms."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -13,10 +14,12 @@ from stickslip.basin import (
     basins_over,
     border_motion,
     border_shares,
+    smallest_kick,
 )
 from stickslip.basin._attractor import Search, fixed_point_at
 from stickslip.basin._border import _stays
 from stickslip.basin._lanes import Lanes
+from stickslip.basin._rests import still_between
 from tests.stickslip.basin._systems import (
     BOX,
     MAGNETS,
@@ -28,6 +31,8 @@ from tests.stickslip.basin._systems import (
     TwoWells,
     Wells,
     magnet,
+    nearest,
+    saddle_border,
     sliding_border,
     well,
 )
@@ -105,6 +110,18 @@ def test_a_point_whose_two_directions_of_decay_are_one():
     assert np.all(np.max(left, axis=0) < 4.0 * point.radius)
 
 
+def test_the_smallest_kick_leads_to_the_nearest_place_of_the_border(wells):
+    by = {"x": 0.2, "v_x": 1.0}
+    found = smallest_kick(Wells(), wells, Wells().state(x=1.0), by, Settle(100.0))
+    expected = nearest(saddle_border(), np.array([1.0, 0.0]), np.array(list(by.values())))
+    assert abs(found.size / expected - 1.0) < 1e-8
+    assert found.error < 1e-14
+    assert found.to == next(a.name for a in wells.attractors if float(a.motion.y.x) < 0.0)
+    length = np.sqrt(sum((found.change[name] / size) ** 2 for name, size in by.items()))
+    assert abs(length / found.size - 1.0) < 1e-12
+    assert abs(float(found.y.x) - 1.0 - found.change["x"]) < 1e-15
+
+
 @pytest.mark.more
 def test_too_short_a_time_settles_nothing_and_says_so(wells):
     found = basins(Wells(0.01), Wells().state(), SQUARE, Settle(5.0), points=(4, 4))
@@ -138,6 +155,20 @@ def test_a_start_on_top_of_the_hill_is_not_settled(wells):
     assert int(judge(x=0.0, v_x=0.0)["code"]) == -1
 
 
+def test_rest_in_either_well_is_one_set_if_friction_holds_between_them():
+    at_rest = jax.jit(
+        lambda friction, one: still_between(
+            TwoWells(0.1, friction=friction), None, lambda row: TwoWells().state()._replace(x=row[0]),
+            0.0, jnp.asarray(1, jnp.int32), jnp.array([one, 0.0]), jnp.array([1.0, 0.0]),
+        )
+    )  # fmt: skip
+    assert TwoWells().mode_names[1] == "stick"
+    assert [bool(at_rest(*given)) for given in ((0.05, -1.0), (0.05, 0.99), (0.39, -1.0))] == [
+        False, True, True,
+    ]  # fmt: skip
+
+
+@pytest.mark.more
 @pytest.mark.parametrize(
     ("friction", "count"),
     # Friction holds where the force of the wells is less: in one interval if it holds everywhere

@@ -1,6 +1,7 @@
 """Shares by borders: stable manifolds backwards in time by SciPy, orbits, sets at rest, refusals."""
 
 from typing import Any, ClassVar, NamedTuple
+from unittest.mock import create_autospec
 
 import jax.numpy as jnp
 import numpy as np
@@ -8,8 +9,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import stickslip as ss
-from stickslip.basin import Settle, basins, border_shares
+from stickslip.basin import Settle, _border, basins, border_shares
 from stickslip.basin._border_shares import _Plane
+from stickslip.basin._codes import NOT_SETTLED
+from stickslip.basin._lanes import Lanes
 from stickslip.mechanism import AbstractMechanism
 
 from ._systems import Hill, OnBelt, TwoWells, Wells, saddle_border, share_at_the_right
@@ -46,6 +49,27 @@ class Turning(ss.AbstractSmoothSystem):
         return Point(growth * y.x - y.y, growth * y.y + y.x)
 
 
+def test_a_border_that_is_hardly_unstable_is_enclosed_by_longer_motions(monkeypatch):
+    """Beside it, at 0.3, motions come to their attractor the later the nearer they begin to it."""
+    asked = []
+
+    def codes_from(lanes, settle, attractors, rows):
+        asked.append(settle.duration)
+        away = rows[:, 0] - 0.3
+        settled = np.abs(away) > np.exp(-settle.duration / 10.0)
+        return np.where(settled, np.where(away < 0.0, 0, 1), NOT_SETTLED)
+
+    monkeypatch.setattr(_border, "codes_from", codes_from)
+    lanes = create_autospec(Lanes, instance=True)
+    lanes.few.block = 128
+    ends = np.zeros(1), np.ones(1)
+    low, high, after = _border.border_between(lanes, Settle(70.0), [], ends, 0, lambda code: code == 1)
+    assert after == 1
+    assert low < 0.3 < high < low + 1e-11
+    assert max(asked) > 250.0
+
+
+@pytest.mark.more
 def test_motions_that_stay_beside_a_border_for_long_are_followed_for_longer():
     """Off by a thousandth where the border is taken in the middle of what is not settled."""
     box, far = {"x": (-2.0, 2.0), "y": (0.0, 2.0)}, (-20.0, 20.0)

@@ -67,13 +67,31 @@ def slopes():
     return differences(crossings, P)
 
 
-@pytest.mark.parametrize(
-    "mode",
-    [
-        pytest.param(jax.jacfwd, id="forward", marks=pytest.mark.more),
-        pytest.param(jax.jacrev, id="reverse"),
-    ],
-)
+class Harmonic(ss.AbstractSmoothSystem):
+    """From (1, 0) its speed changes sign at multiples of pi over its frequency."""
+
+    frequency: Any
+
+    def vector_field(self, t, y, mode, args):
+        x, v = y
+        return v, -self.frequency * self.frequency * x
+
+
+def test_crossings_of_an_oscillator_have_slopes_in_closed_form():
+    turns = ss.Section(lambda system, t, y, dy, mode, args: y[1], "both")
+
+    def found(w):
+        kept = ss.SaveAt(sections=turns, max_crossings=4, max_events=None)
+        row = ss.simulate(Harmonic(w), 0.0, 10.0, (1.0, 0.0), throw=False, saveat=kept).crossings[0]
+        return jnp.stack([row.t[:3], row.y[0][:3], row.dy[1][:3]])
+
+    w, k, sign = 1.1, np.arange(1, 4), np.array([-1.0, 1.0, -1.0])
+    slopes = jax.jit(jax.jacfwd(found))(w)
+    np.testing.assert_allclose(slopes, [-k * np.pi / w**2, 0.0 * k, -2.0 * w * sign], rtol=0, atol=1e-8)
+
+
+@pytest.mark.more
+@pytest.mark.parametrize("mode", [jax.jacfwd, jax.jacrev], ids=["forward", "reverse"])
 def test_crossings_have_the_derivatives_of_the_motion(mode, slopes):
     found = jax.jit(mode(crossings))(P)
     assert jnp.max(jnp.abs(slopes[:, 1])) > 0.3
