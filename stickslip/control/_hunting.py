@@ -118,32 +118,38 @@ def hunting_map(
             keeps = SaveAt(max_events=None, max_crossings=samples, **saved)
             return simulate(system, t0, t1, y, mode, integrator=integrator, saveat=keeps, throw=False)
 
-        def look(found, rows=-samples - 1):
-            x = jax.vmap(place.read)(found.outputs.y)[rows:]
-            u = jnp.stack([jnp.ravel(a) for a in jax.tree.leaves(found.outputs.y.output)])
-            return jnp.max(x), jnp.min(x), jnp.all(jnp.ptp(u, axis=-1) == 0.0)
-
         early = run(system, until[0], until[-1], start(system), None, ts=until)
-        most, least, _ = look(early, 0)
-        high, low, _ = look(early)
-        level = _Levelled(system, 0.5 * (high + low))
+        x = jax.vmap(place.read)(early.outputs.y)
+        quarter = x[-samples - 1 :]
+        level = _Levelled(system, 0.5 * (jnp.max(quarter) + jnp.min(quarter)))
         final = run(
             level, until[-1], late[-1], early.y1, early.mode1, ts=late[samples:], sections=above
         )
-        top, bottom, still = look(final)
-        before, now = high - low, top - bottom
+        last = jax.vmap(place.read)(final.outputs.y)
+        u = jnp.stack([jnp.ravel(a) for a in jax.tree.leaves(final.outputs.y.output)])
+        still = jnp.all(jnp.ptp(u, axis=-1) == 0.0)
         crossed, count = final.crossings[0], final.crossings[0].count
-        last = crossed.t[jnp.clip(count - 1, 0, samples - 1)]
-        period = (last - crossed.t[0]) / jnp.maximum(count - 1, 1).astype(jnp.float64)
-        fine = early.successful & final.successful & jnp.isfinite(now)
-        hunts = (count >= 2) & (now > resolution) & (2.0 * now >= before)
-        rests = (now <= resolution) & still
-        code = jnp.where(rests, 0, jnp.where(hunts, 1, 2))
-        grown = (now > 2.0 * (most - least)) & (now > resolution)
-        code = jnp.where(fine & ~grown, code, 3)
-        return code, 0.5 * now, jnp.where(code == 1, period, jnp.nan)
+        end = crossed.t[jnp.clip(count - 1, 0, samples - 1)]
+        period = (end - crossed.t[0]) / jnp.maximum(count - 1, 1).astype(jnp.float64)
+        span = jnp.ptp(last)
+        fine = early.successful & final.successful & jnp.isfinite(span)
+        code = jnp.where(fine, code_of(x, last, count >= 2, still, resolution), 3)
+        return code, 0.5 * span, jnp.where(code == 1, period, jnp.nan)
 
     lanes = {name: jnp.ravel(a) for name, a in arrays.items()}
     (shape,) = shapes
     code, amplitude, period = (jnp.reshape(a, shape) for a in map_lanes(one)(lanes))
     return HuntingMap(arrays, code, amplitude, period)
+
+
+def code_of(early: Any, last: Any, returns: Any, still: Any, resolution: Any) -> Any:
+    """Code of a motion: 0 rests, 1 hunts, 2 creeps, 3 unstable.
+
+    `early`: places in three quarters, of which the third has as many as `last`, those in the fourth.
+    `returns`: whether it comes back to the middle in the last, `still`: whether the output rests there.
+    """
+    now, before, widest = jnp.ptp(last), jnp.ptp(early[-last.size :]), jnp.ptp(early)
+    hunts = returns & (now > resolution) & (2.0 * now >= before)
+    code = jnp.where((now <= resolution) & still, 0, jnp.where(hunts, 1, 2))
+    # By what it ever was: a block that stuck in the quarter before has no span there.
+    return jnp.where((now > 2.0 * widest) & (now > resolution), 3, code)

@@ -157,6 +157,7 @@ def test_permuting_the_motors_mirrors_y():
     np.testing.assert_array_equal(np.asarray(other.dmn), expected)
 
 
+@pytest.mark.more
 def test_scaling_all_forces_and_masses_changes_nothing():
     v = shared(1)[1]
     doubled = cx.CoreXYParameters(

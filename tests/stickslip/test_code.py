@@ -120,7 +120,9 @@ def test_what_computes_the_same_keeps_the_key(cell, name, edit):
         ("sorted({1.0, 2.0, K})", "K = 3.0"),
     ],
 )
-def test_what_a_function_reads_is_looked_at_again(cell, read, edit):
+def test_what_a_function_reads_is_looked_at_again(cell, read, edit, monkeypatch):
+    # To drop all programs of a worker takes it seconds.
+    monkeypatch.setattr(jax, "clear_caches", lambda: None)
     exec(f"def function(x):\n    return {read}", cell)
     before = code_key(cell["function"])
     assert code_key(cell["function"]) == before

@@ -8,6 +8,7 @@ import pytest
 import stickslip as ss
 from stickslip.continuation import OrbitGuess, periodic_orbit
 from stickslip.control import HuntingMap, hunting_map
+from stickslip.control._hunting import code_of
 from tests.stickslip.control._axis import Continuous, begin, under_pid
 from tests.stickslip.control._reference import Loop
 
@@ -80,6 +81,23 @@ def test_a_map_of_hunting():
     assert np.all(np.isnan(found.period[np.asarray(found.code) != 1]))
 
 
+def test_verdicts_of_places_in_four_quarters():
+    wave, rest = np.sin(np.linspace(0.0, 20.0, 9)), np.zeros(9)
+    cases = [
+        (wave, rest, rest, True, "rests"),  # and a controller that goes on there:
+        (wave, rest, rest, False, "creeps"),
+        (wave, wave, 0.6 * wave, False, "hunts"),
+        (wave, wave, 0.4 * wave, False, "creeps"),
+        (wave, rest, wave, False, "hunts"),  # it stuck in the quarter before
+        (wave, rest, 2.1 * wave, False, "unstable"),
+    ]
+    for first, third, last, still, word in cases:
+        code = code_of(np.concatenate([first, first, third]), last, True, still, 1e-8)
+        assert ("rests", "hunts", "creeps", "unstable")[int(code)] == word
+    assert int(code_of(np.tile(wave, 3), wave, False, False, 1e-8)) == 2
+
+
+@pytest.mark.more
 def test_a_block_that_sticks_while_the_integrator_winds_up_is_not_at_rest():
     """The last one breaks away in the last quarter: it moves further than in the one before."""
     x = [Loop(ki=136.0).run(n, 0.1)[0] for n in (350, 525, 700)]

@@ -185,6 +185,7 @@ def test_a_picture_has_both_bands_and_the_data(problem, fit):
     assert str(found) == "Prediction: position at 41 times, bands of 0.95"
 
 
+@pytest.mark.more
 def test_a_fit_comes_back_from_its_file_and_predicts_the_same(problem, fit, tmp_path):
     back = load_fit(fit.save(tmp_path / "fit.nc"))
     assert str(back) == str(fit)

@@ -2,6 +2,8 @@
 
 from typing import Any, ClassVar, NamedTuple
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 import scipy.linalg
@@ -19,6 +21,7 @@ from stickslip.identification import (
     Unknown,
     compare,
 )
+from stickslip.identification._corrections import involute
 
 TRUTH = {"decay": 0.5, "gain": 1.0}
 STEP = 0.05
@@ -171,8 +174,9 @@ def by_hand(decay, density, rows, command, spread=0.2):
     return np.concatenate([np.array(part) for part in found.values()]).T
 
 
-def test_half_the_sum_of_squares_is_the_likelihood_and_its_curvature_that_of_fisher():
-    """Two records of unlike lengths with two sensors, values missing, and an input that jumps."""
+def two_records():
+    """Two records of unlike lengths with two sensors, values missing, and an input that jumps: the
+    problem of both, its residuals and logarithms by hand, and the rows of each."""
     speed, command = logged(3, 30)
     speed[[7, 8, 20]] = np.nan
     again = logged(3, 30)[0] + 2.0 * SENSOR * np.random.default_rng(4).normal(size=30)
@@ -191,12 +195,30 @@ def test_half_the_sum_of_squares_is_the_likelihood_and_its_curvature_that_of_fis
         both = np.hstack([by_hand(decay, density, cut(n), command[:n]) for n in lengths])
         return np.stack([both[0], np.log(both[1])])
 
+    return given, parts, [cut(n) for n in lengths]
+
+
+def test_half_the_sum_of_squares_is_the_likelihood():
+    given, parts, _ = two_records()
     for p in ((0.5, 0.3), (0.9, 0.0001)):
         white, logs = parts(*p)
         row = np.asarray(given.residual({"decay": p[0], "density": p[1]}))
         np.testing.assert_allclose(row[: white.size], white, rtol=0, atol=1e-7)
         assert np.sum(row**2) == pytest.approx(np.sum(white**2) + np.sum(1.0 + 2.0 * logs), rel=1e-9)
-    # Of the fit, in logarithms of the unknowns.
+
+
+def test_an_involute_turns_by_the_root_of_its_length():
+    arc, h = jnp.array([-0.1, 0.02, 0.7, 3.0]), 1e-6
+    found = jax.vmap(jax.jacfwd(involute))(arc)
+    expected = [(a - b) / (2 * h) for a, b in zip(involute(arc + h), involute(arc - h), strict=True)]
+    np.testing.assert_allclose(np.stack(found)[:, 1:], np.stack(expected)[:, 1:], rtol=0, atol=1e-8)
+    np.testing.assert_array_equal(np.stack(found)[:, 0], [1.0, 0.0])  # at its cusp
+
+
+@pytest.mark.more
+def test_the_curvature_of_a_fit_is_that_of_fisher():
+    given, parts, cuts = two_records()
+    # In logarithms of the unknowns.
     fit = given.fit()
     z, h = np.log([float(fit.values[name]) for name in ("decay", "density")]), 1e-5
     moved = [parts(*np.exp(z + h * e)) - parts(*np.exp(z - h * e)) for e in np.eye(2)]
@@ -210,9 +232,9 @@ def test_half_the_sum_of_squares_is_the_likelihood_and_its_curvature_that_of_fis
     assert float(fit.log_spread) == pytest.approx(logs, abs=1e-6)
     assert float(fit.reduced_chi_squared) == pytest.approx(size / (white.size - 2), rel=1e-6)
     assert compare({"a": fit}).table["aic"][0] - 2 * 2 == pytest.approx(size + logs, abs=1e-6)
-    for part, n in zip(given.parts(given.residual(fit.values)).values(), lengths, strict=True):
+    for part, rows in zip(given.parts(given.residual(fit.values)).values(), cuts, strict=True):
         assert {name: row.size for name, (_, row) in part.items()} == {
-            name: np.isfinite(row).sum() for name, row in cut(n).items()
+            name: np.isfinite(row).sum() for name, row in rows.items()
         }
 
 

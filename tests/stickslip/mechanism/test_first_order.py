@@ -226,6 +226,7 @@ def filtered_by_scipy(end):
     raise AssertionError("too many events")
 
 
+@pytest.mark.more
 def test_a_belt_behind_a_filter_and_a_warm_contact_are_scipys():
     machine = Filtered()
     run = ss.simulate(machine, 0.0, 15.0, machine.state())

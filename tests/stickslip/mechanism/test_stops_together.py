@@ -218,6 +218,7 @@ def test_random_pairs():
     assert left > 5
 
 
+@pytest.mark.more
 def test_a_stop_met_as_a_contact_of_its_island_stops():
     """The block comes to rest in the guide at the instant at which the mass lands on it."""
     law = Coulomb(100.0, 31.0)

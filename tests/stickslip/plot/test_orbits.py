@@ -196,6 +196,7 @@ def test_the_trivial_multiplier_is_not_drawn(ring):
     )
 
 
+@pytest.mark.more
 def test_no_multipliers(tank):
     orbit = one(tank, 0)
     for rows in ([np.nan], []):

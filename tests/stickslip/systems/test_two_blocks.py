@@ -102,6 +102,7 @@ def test_without_coupling_two_oscillators():
             assert abs(float(slopes[key][2 * i - 2]) - slope) <= 1e-8 * max(1.0, abs(slope))
 
 
+@pytest.mark.more
 def test_simultaneous_events_of_equal_blocks():
     """Alike and alike started, the coupling spring stays unloaded and all events come in pairs."""
     alike = {name: PAIR[name.replace("_2", "_1")] for name in PAIR}
