@@ -54,7 +54,7 @@ class LinearStructure(AbstractSmoothSystem, AbstractMechanicalSystem):
     r"""A linear structure, $M\ddot q + C\dot q + K q = f(t, q, \dot q)$, in arrays.
 
     Its matrices are those of an assembled or reduced model (`craig_bampton`); friction comes from
-    `WithSliders`. Two masses on springs, the second one pulled:
+    `WithSliders` and `WithContacts`. Two masses on springs, the second one pulled:
 
     >>> import stickslip as ss
     >>> from stickslip.structure import HarmonicForce, LinearStructure
@@ -137,13 +137,7 @@ class LinearStructure(AbstractSmoothSystem, AbstractMechanicalSystem):
 
     def forces(self, t: Numeric, q: PyTree, v: PyTree, args: PyTree) -> Float[Array, " node"]:
         """All forces but those of inertia [N]."""
-        inner = self.stiffness @ q + self.damping @ v
-        if self.force is None:
-            return -inner
-        load = jnp.asarray(self.force(t, q, v, args), jnp.float64)
-        if load.shape != self.shape:
-            raise shape_refusal("force(t, q, v, args)", load, f"a row of {self.shape[0]}")
-        return load - inner
+        return node_forces(self, t, q, v, args)
 
     def check_start(self, t, y, args):
         """Raise `TypeError`, `ValueError` for what is not a state of this structure."""
@@ -171,6 +165,17 @@ class LinearStructure(AbstractSmoothSystem, AbstractMechanicalSystem):
         lost = y.v @ self.damping @ y.v
         stored = y.v @ self.stiffness @ y.q
         return {"forces": self.forces(t, y.q, y.v, args) @ y.v + stored + lost, "damping": -lost}
+
+
+def node_forces(of: Any, t: Numeric, q: PyTree, v: PyTree, args: PyTree) -> Float[Array, " node"]:
+    """Forces of what has a `stiffness`, a `damping` and a `force` of nodes."""
+    inner = of.stiffness @ q + of.damping @ v
+    if of.force is None:
+        return -inner
+    load = jnp.asarray(of.force(t, q, v, args), jnp.float64)
+    if load.shape != inner.shape:
+        raise shape_refusal("force(t, q, v, args)", load, f"a row of {inner.size}")
+    return load - inner
 
 
 def load_time_scale(force: Any, args: PyTree) -> Any:

@@ -26,7 +26,7 @@ from ..friction import AbstractFrictionLaw
 from ..hybrid.accuracy import ACCURACY as ENGINE
 from ..mechanism import AbstractMechanism, Contact, Stop
 from ._jenkins import as_called
-from ._linear_structure import LinearStructure, StructureState, load_time_scale
+from ._linear_structure import LinearStructure, StructureState, load_time_scale, node_forces
 
 REST = "rest"  # name of the coordinates that no contact touches
 
@@ -213,10 +213,7 @@ class WithContacts(AbstractMechanism):
         return {**matrix, REST: {REST: 1.0}} if REST in self.coordinates else matrix
 
     def forces(self, t, q, v, args):
-        x, u = self._at_nodes(q), self._at_nodes(v)
-        load = -self.stiffness @ x - self.damping @ u
-        if self.force is not None:
-            load = load + self.force(t, x, u, args)
+        load = node_forces(self, t, self._at_nodes(q), self._at_nodes(v), args)
         row, size = self.basis.T @ load, len(self._directions)
         return [*row[:size], row[size:]] if REST in self.coordinates else list(row)
 

@@ -135,6 +135,13 @@ def test_sliders_go_on_it_and_slopes_are_those_of_differences():
         np.testing.assert_allclose(slope, (up - down) / (2 * h), rtol=2e-6, atol=1e-7)
 
 
+def test_a_force_of_another_length_is_named():
+    pushed = LinearStructure(M, C, K, lambda t, q, v, args: 1.0)
+    machine = WithContacts(pushed, {"pad": NodeContact(UNIT[1], PAD)})
+    with pytest.raises(ValueError, match=r"force\(t, q, v, args\).*a row of 4"):
+        ss.simulate(machine, 0.0, 1.0, machine.start(structure().state()))
+
+
 @pytest.mark.parametrize(
     ("call", "words"),
     [
