@@ -45,6 +45,8 @@ EXECUTORS = ("auto", "fused", "portable")
 # Lanes have threads of their own. Operations that share XLA's pool from within it, such as a Fourier
 # transform, may wait for ever (https://github.com/PyAutoLabs/PyAutoFit/issues/1530).
 ON_CPU = {"xla_cpu_prefer_vector_width": "512", "xla_cpu_multi_thread_eigen": False}
+# Within a fused loop the compiler has no code for the products and sums that it hands to a library.
+ON_CPU_FUSED = {**ON_CPU, "xla_cpu_experimental_ynn_fusion_type": ""}
 _ALONE = threading.Lock()  # of the programs that must not run side by side, in all threads of a process
 
 
@@ -229,7 +231,7 @@ class map_lanes:
                 spec = PartitionSpec("lanes")
                 run = jax.shard_map(run, mesh=mesh, in_specs=spec, out_specs=spec, check_vma=False)
             on_cpu = devices[0].platform == "cpu"
-            options = ON_CPU if on_cpu else None
+            options = (ON_CPU_FUSED if fit.executor == "fused" else ON_CPU) if on_cpu else None
             # Some of the engine is traced only as the program is lowered.
             with use_executor(executor):
                 traced = jax.jit(run, compiler_options=options).trace(chunks)

@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import stickslip as ss
 from stickslip.sweep import lanes
@@ -41,6 +42,39 @@ def test_reverse_derivatives_by_the_times_of_breaks_fuse():
     # x = F (e - b)^2 / 2 + F (e - b) (10 - e)
     np.testing.assert_allclose(found[:, 0], -FORCE * (END - begin), rtol=1e-9)
     np.testing.assert_allclose(found[:, 1], FORCE * (END - begin - 2.0), rtol=1e-9)
+
+
+class Coupled(ss.AbstractSmoothSystem):
+    """Rows of masses on springs under a load: products of matrices, and what is added to them."""
+
+    stiffness: Any
+
+    def vector_field(self, t, y, mode, args):
+        x, v = y
+        return v, jnp.sin(t) - self.stiffness @ x - 0.1 * (self.stiffness @ v)
+
+
+def test_products_of_matrices_fuse():
+    matrix = np.array([[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 2.0]])
+
+    def end(speed):
+        step = ss.Integrator("rk4", ss.FixedStep(0.1))
+        start, kept = (jnp.zeros(3), speed * jnp.ones(3)), ss.SaveAt(max_events=None)
+        run = ss.simulate(Coupled(matrix), 0.0, 2.0, start, integrator=step, saveat=kept, throw=False)
+        return run.y1[0]
+
+    speeds = np.linspace(-1.0, 1.0, 16)
+    mapped = ss.map_lanes(end, executor="fused", workers=1)
+    found = mapped(speeds)
+    assert {executor for executor, *_ in mapped._compiled} == {"fused"}
+
+    def field(t, y):
+        return [*y[3:], *(np.sin(t) - matrix @ y[:3] - 0.1 * matrix @ y[3:])]
+
+    for speed, x in zip(speeds[::5], found[::5], strict=True):
+        start = [0.0] * 3 + [speed] * 3
+        right = solve_ivp(field, (0.0, 2.0), start, rtol=1e-10, atol=1e-12).y[:3, -1]
+        np.testing.assert_allclose(x, right, rtol=0, atol=1e-4)
 
 
 @pytest.mark.parametrize(
