@@ -62,6 +62,23 @@ def check_motions(closed: Any, lanes: int) -> None:
         raise TooManyMotions(fitting)
 
 
+class NotWorthCompiling(Exception):
+    """A fused loop takes the compiler longer than so few lanes would gain."""
+
+
+def check_worth(closed: Any, lanes: int) -> None:
+    """Raise `NotWorthCompiling` for loops with more products of matrices than there are lanes.
+
+    Each product is a loop of its own there. Orbits of structures have a thousand of them with all
+    derivatives: they compile for minutes, and run up to twenty times as fast.
+    """
+    loops = (eqn for eqn in equations(closed.jaxpr) if eqn.params.get("name") == LOOP_NAME)
+    inside = (equations(getattr(loop.params["jaxpr"], "jaxpr", loop.params["jaxpr"])) for loop in loops)
+    products = sum(eqn.primitive.name == "dot_general" for loop in inside for eqn in loop)
+    if products > lanes:
+        raise NotWorthCompiling
+
+
 class MustBeAlone(Exception):
     """A traced program must not run beside others."""
 

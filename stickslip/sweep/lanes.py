@@ -33,9 +33,11 @@ from ._fit import (
     VECTOR,
     Fit,
     MustBeAlone,
+    NotWorthCompiling,
     TooManyMotions,
     check_alone,
     check_motions,
+    check_worth,
     smaller,
 )
 from ._programs import UNKNOWN_OPERATION, compiled_program, refused_to_fuse
@@ -72,7 +74,8 @@ class map_lanes:
       every program: should XLA ever abort while compiling yours, use `"portable"` here or
       `STICKSLIP_EXECUTOR=portable` in the environment, which may also be `fused` (without a trial)
       or `auto`. A program that the compiler does not fuse, such as one with thousands of rows per
-      lane, is computed by the portable executor, and a warning says so.
+      lane, is computed by the portable executor, and a warning says so; with `"auto"` so is one with
+      more products of matrices in its time loop than lanes, which would compile for long.
     - `workers`: devices or, with a single CPU device, threads to use; by default all.
 
     **Returns** a callable with the results' leading axis as long as the inputs'. It is compiled on
@@ -99,6 +102,7 @@ class map_lanes:
                 check_count(name, value, 1)
         wished_executor()  # nonsense in the environment raises an error, whether it would matter or not
         cpu = jax.default_backend() == "cpu"
+        self._chooses = executor == "auto"
         if executor == "auto":
             executor = "fused" if cpu and fused_is_trusted() else "portable"
         self.function = function
@@ -164,9 +168,11 @@ class map_lanes:
             cut = self._cut_into_chunks(inputs, n, parts, fit)
             lanes = jax.tree.leaves(cut)[0].shape[1]
             try:
-                program = self._program(cut[0], fit)
+                program = self._program(cut[0], fit, n if self._chooses else None)
             except TooManyMotions as error:
                 fit = fit._replace(lanes=error.lanes)
+            except NotWorthCompiling:
+                fit = Fit("portable", CHUNK_PORTABLE)
             except MustBeAlone:
                 fit = fit._replace(alone=True)
             except jax.errors.JaxRuntimeError as error:
@@ -218,8 +224,9 @@ class map_lanes:
 
         return run
 
-    def _program(self, chunks, fit):
-        """Compiled program for this shape; raises `TooManyMotions` for chunks that are too large."""
+    def _program(self, chunks, fit, lanes=None):
+        """Compiled program for this shape; raises `TooManyMotions` for chunks that are too large, and
+        `NotWorthCompiling` for so few `lanes` of what compiles for long."""
         leaves = jax.tree.leaves(chunks)
         shapes = ((a.shape, a.dtype) for a in leaves)
         key = (fit.executor, jax.tree.structure(chunks), *shapes, code_key(self.function), fit.alone)
@@ -239,6 +246,8 @@ class map_lanes:
                     check_alone(traced.jaxpr)
                 if fit.executor == "fused":
                     check_motions(traced.jaxpr, leaves[0].shape[1])
+                    if lanes is not None:
+                        check_worth(traced.jaxpr, lanes)
                 lowered = traced.lower()
             self._compiled[key] = compiled_program(traced, lowered, devices)
         return self._compiled[key]

@@ -54,7 +54,7 @@ class Coupled(ss.AbstractSmoothSystem):
         return v, jnp.sin(t) - self.stiffness @ x - 0.1 * (self.stiffness @ v)
 
 
-def test_products_of_matrices_fuse():
+def test_products_of_matrices_fuse(monkeypatch):
     matrix = np.array([[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 2.0]])
 
     def end(speed):
@@ -67,6 +67,12 @@ def test_products_of_matrices_fuse():
     mapped = ss.map_lanes(end, executor="fused", workers=1)
     found = mapped(speeds)
     assert {executor for executor, *_ in mapped._compiled} == {"fused"}
+    # Its four stages have eight products: few lanes are not worth the time of the compiler.
+    monkeypatch.setattr(lanes, "fused_is_trusted", lambda: True)
+    for count, chosen in ((4, "portable"), (64, "fused")):
+        mapped = ss.map_lanes(end, workers=1)
+        np.testing.assert_allclose(mapped(np.full(count, speeds[0])), count * [found[0]], rtol=1e-12)
+        assert {executor for executor, *_ in mapped._compiled} == {chosen}
 
     def field(t, y):
         return [*y[3:], *(np.sin(t) - matrix @ y[:3] - 0.1 * matrix @ y[3:])]
