@@ -146,7 +146,7 @@ class WithContacts(AbstractMechanism):
             check_type(
                 f"contacts[{name!r}]", one, NodeContact | NodeStop, "a NodeContact or a NodeStop"
             )
-        self.pairs = tuple(check_mapping("planar", planar or {}).items())
+        self.pairs = tuple(check_mapping("planar", {} if planar is None else planar).items())
         self.row_names, self.rows = tuple(given), tuple(given.values())
         known = self._directions
         for name, row in known.items():

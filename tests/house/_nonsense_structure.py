@@ -50,13 +50,17 @@ TARGETS = [
         },
     ),
     Target(structure.WithSliders, {"system": arg(PAIR), "sliders": arg({"damper": ELEMENT})}),
-    Target(structure.WithContacts, {"system": arg(PAIR), "contacts": arg({"pad": PAD})}),
+    Target(
+        structure.WithContacts,
+        {"system": arg(PAIR), "contacts": arg({"pad": PAD}), "planar": arg(None, "none", "mapping")},
+    ),
     Target(
         structure.NodeContact,
         {
             "direction": arg([1.0, -1.0], "row"), "law": arg(Coulomb(0.5, 0.3)),
             "normal_force": arg(1.0, "none", "not negative", "float32", "function"),
             "surface_speed": arg(0.1, "none", "finite", "float32", "function"),
+            "normal_direction": arg(None, "none", "row"),
         },
     ),
     Target(
