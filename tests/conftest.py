@@ -31,7 +31,7 @@ hypothesis.settings.load_profile("reproducible")
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Two host devices on any machine; programs compiled cheaply, and kept between runs.
+    """Two host devices on any machine; programs compiled cheaply, or kept between runs.
 
     XLA reads its flags when the first array is made, which is later. Most of the quick suite's time is
     compilation of programs that run once. `make test-all` compiles as users do, and so do the quick
@@ -41,8 +41,8 @@ def pytest_configure(config: pytest.Config) -> None:
     the tests start keep theirs in the same directory, which git ignores, and not in the home directory.
     """
     config.pluginmanager.register(Budget(config), "budget")
-    flags = ["--xla_force_host_platform_device_count=2"]
-    if "not slow" in config.option.markexpr:
+    flags, quick = ["--xla_force_host_platform_device_count=2"], "not slow" in config.option.markexpr
+    if quick:
         jax.config.update("jax_disable_most_optimizations", True)
         jax.config.update("jax_traceback_in_locations_limit", 0)  # no line of source for each operation
         flags += xla_flags()
@@ -53,8 +53,9 @@ def pytest_configure(config: pytest.Config) -> None:
     os.environ["XLA_FLAGS"] = " ".join([os.environ.get("XLA_FLAGS", ""), *flags])
     if getattr(config, "cache", None) is not None:  # absent with `-p no:cacheprovider`
         os.environ["STICKSLIP_CACHE"] = str(config.cache.mkdir("programs"))
-        # Only now: the import hook and JAX's settings are in place.
-        importlib.import_module("stickslip").enable_compilation_cache()
+        if not quick:  # to write programs that are compiled cheaply takes a fifth of the time
+            # Only now: the import hook and JAX's settings are in place.
+            importlib.import_module("stickslip").enable_compilation_cache()
 
 
 @pytest.fixture(autouse=True, scope="module")
