@@ -53,7 +53,7 @@ def pytest_configure(config: pytest.Config) -> None:
     os.environ["XLA_FLAGS"] = " ".join([os.environ.get("XLA_FLAGS", ""), *flags])
     if getattr(config, "cache", None) is not None:  # absent with `-p no:cacheprovider`
         os.environ["STICKSLIP_CACHE"] = str(config.cache.mkdir("programs"))
-        if not quick:  # to write programs that are compiled cheaply takes a fifth of the time
+        if not quick:  # to write what is compiled cheaply takes up to a fifth of the time
             # Only now: the import hook and JAX's settings are in place.
             importlib.import_module("stickslip").enable_compilation_cache()
 
