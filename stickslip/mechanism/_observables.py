@@ -190,5 +190,5 @@ def one_shape(v: Any) -> None:
     """Raise where some coordinates are arrays: sums over them are not those of rows of a log."""
     shapes = {np.shape(x) for x in v}
     if len(shapes) > 1:
-        allowed = "one: with coordinates that are arrays override `energy` and `declared_power`"
+        allowed = "one for all; with coordinates that are arrays override `energy` and `declared_power`"
         raise refusal("shapes of the velocities", sorted(shapes), allowed)

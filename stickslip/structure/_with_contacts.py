@@ -149,9 +149,11 @@ class WithContacts(AbstractMechanism):
         self.pairs = tuple(check_mapping("planar", {} if planar is None else planar).items())
         self.row_names, self.rows = tuple(given), tuple(given.values())
         known = self._directions
+        names = [*given, *map(_normal, self.opening)]
         for name, row in known.items():
-            if name == REST or list(known).count(name) > 1:
-                raise refusal("contacts", name, f"other names than {REST!r}")
+            if name == REST or names.count(name) > 1:
+                allowed = f"other names than {REST!r} and those of normal directions, NAME_normal"
+                raise refusal("contacts", name, allowed)
             if len(row) != system.shape[0]:
                 allowed = f"a row of {system.shape[0]}, one for each node"
                 raise shape_refusal(f"the direction of contacts[{name!r}]", row, allowed)
@@ -266,6 +268,9 @@ class WithContacts(AbstractMechanism):
         """The state with these displacements and velocities of the nodes."""
         check_type("y", y, StructureState, "a StructureState, as `state` of the structure makes it")
         N, names = np.array([*self._directions.values()]), self.names
+        for name, row in zip(y._fields, y, strict=True):
+            if np.shape(row) != N.shape[1:]:
+                raise shape_refusal(f"y.{name}", row, f"a row of {N.shape[1]}, one for each node")
         # Along contacts exact, so that a node at rest on a surface starts so.
         rest = jnp.linalg.solve(self.basis, jnp.stack(y, axis=1))[len(N) :].T
         found = [[*(N @ row), *([x] if len(x) else [])] for row, x in zip(y, rest, strict=True)]

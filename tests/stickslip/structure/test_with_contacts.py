@@ -17,6 +17,7 @@ from stickslip.structure import (
     LinearStructure,
     NodeContact,
     NodeStop,
+    StructureState,
     WithContacts,
     WithSliders,
 )
@@ -142,6 +143,12 @@ def test_a_force_of_another_length_is_named():
         ss.simulate(machine, 0.0, 1.0, machine.start(structure().state()))
 
 
+def test_an_energy_by_numbers_of_an_array_is_refused():
+    machine = few()
+    with pytest.raises(ValueError, match="override `energy`"):
+        AbstractMechanism.energy(machine, machine.state()._replace(v_rest=jnp.ones(2)))
+
+
 @pytest.mark.parametrize(
     ("call", "words"),
     [
@@ -158,6 +165,11 @@ def test_a_force_of_another_length_is_named():
         (lambda: NodeContact([1.0], PAD, lambda: 1.0), "normal_force"),
         (lambda: NodeStop([1.0], 0.1, -0.5), "restitution"),
         (lambda: few().start(few().state()), "StructureState"),
+        (lambda: few().start(StructureState(np.zeros(4), np.zeros(3))), r"y\.v.*a row of 4"),
+        (
+            lambda: WithContacts(structure(), {**contacts(), "pad_normal": NodeContact(UNIT[2], PAD)}),
+            "'pad_normal'",
+        ),
     ],
 )
 def test_what_is_wrong_is_named(call, words):
