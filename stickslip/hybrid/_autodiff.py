@@ -1,16 +1,15 @@
 """The differentiable core: logs and end state as a function of parameters, start time and state.
 
-Forward mode differentiates the time loop itself (one pass carries the tangents). Reverse mode cannot
-go through a loop of unknown length; its sweep is written out in `_adjoint.py`. Both are offered by
-one function: its tangent map is a primitive of its own whose transpose is that sweep.
+Forward mode differentiates the time loop itself: one pass carries the run and its tangents. Reverse
+mode cannot go through a loop of unknown length; its sweep is written out in `_adjoint.py`. Both are
+readings of one primitive, that of `_along.py`.
 
-So a derivative is computed by a program of its own, in which the motion is run once more. Its steps end
-elsewhere, because their lengths follow from the last digits of an error. A result of the steps, and
-not of the motion alone, has no derivative; rows of logs belong to each other where their numbers agree.
+So reverse mode, and a linear map of the tangents that is kept, run the motion once more, in a program
+of their own. Its steps end elsewhere, because their lengths follow from the last digits of an error.
+A result of the steps, and not of the motion alone, has no derivative; rows of logs belong to each other
+where their numbers agree.
 
-Not public in JAX and equinox: `equinox.internal` makes the primitive (`create_vprim`, its
-rules, `nondifferentiable`), `jax.interpreters.ad.UndefinedPrimal` says which tangents are transposed.
-If one of them moves, it is missed at import or as a derivative is traced, before any number.
+Not public in equinox: `equinox.internal.nondifferentiable`.
 """
 
 from typing import Any, NamedTuple
@@ -18,23 +17,16 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import equinox.internal as eqxi
 import jax
-import jax.core
-import jax.interpreters.ad
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from ._adjoint import adjoint
+from ._along import NO_SECOND, along
 from ._crossing import crossings, crossings_near
 from ._loop_state import Known, Lane, Plan, start_lane
 from ._record import Capacities, Logs, record
 from ._tolerance import largest_magnitude, sizes, too_loose
 from .status import COARSE, flag, told
-
-_NO_SECOND = (
-    "second derivatives of a simulation (the event times are corrected to first order only); use "
-    "Gauss-Newton, or finite differences of the gradient"
-)
-
 
 _NO_STEPS = "derivatives of SaveAt(steps=True): the integrator chose the times; state them as `ts`"
 
@@ -66,9 +58,10 @@ class Counts(NamedTuple):
 
 
 def _raw(
-    inputs, fixed, plan: Plan, capacities: Capacities, known: Known | None = None
+    inputs, fixed, plan: Plan, capacities: Capacities, known: Known | None = None, pushes: bool = False
 ) -> tuple[Smooth, Counts]:
-    """`known`: what the run has met where it is run for a derivative."""
+    """`known`: what a run before has met, where it is run again for a derivative; `pushes`: whether it
+    pushes a direction forward."""
     problem, t0, y0 = inputs
     mode0, t1, outputs = fixed
     lane = start_lane(plan, t0, y0, mode0)
@@ -78,8 +71,11 @@ def _raw(
         return value.astype(jnp.int32)
 
     def found_from(section, starts, number, near=None):
-        if near is None:
+        if near is None and not pushes:
             return crossings(plan, problem, section, starts, count(number))
+        if near is None:  # the search has no derivatives: they are those of its last step
+            held = jax.lax.stop_gradient((problem, starts))
+            near = crossings(plan, held[0], section, held[1], count(number)).t
         return crossings_near(plan, problem, section, starts, near)
 
     near = () if known is None else (known.near,)
@@ -141,82 +137,58 @@ def core(inputs, *, fixed, plan: Plan, capacities: Capacities) -> tuple[Smooth, 
 @core.def_jvp
 def _core_jvp(primals, tangents, *, fixed, plan, capacities):
     (inputs,), (t_inputs,) = primals, tangents
-    out = core(inputs, fixed=fixed, plan=plan, capacities=capacities)
+    operands, rest = eqx.partition((inputs, fixed, plan, capacities), eqx.is_array)
+
+    def both(t_inputs, operands):
+        inputs, *others = eqx.combine(operands, rest)
+        return _pushed_forward(t_inputs, inputs, *others)
+
+    def results(operands):
+        inputs, fixed, plan, capacities = eqx.combine(operands, rest)
+        return core(inputs, fixed=fixed, plan=plan, capacities=capacities)
+
+    def slopes(t_inputs, operands, found):
+        inputs, *others = eqx.combine(operands, rest)
+        return _pushed_forward(t_inputs, inputs, *others, known=_as_known(found))[1]
+
+    def pull(wanted, bars, operands, found):
+        inputs, fixed, plan, _ = eqx.combine(operands, rest)
+        return _pulled_back(wanted, bars, inputs, fixed, plan, found)
+
+    out, t_smooth = along(t_inputs, operands, both, results, slopes, pull)
     # Derivatives exist of `Smooth` alone; what counts is integers, whose tangent is None.
-    # The form of the tangents is that of the results; to find it otherwise means tracing all again.
-    like = _struct(out[0])
-    known = Known(tuple(log.t for log in out[0].logs.crossings), out[1].crossings, out[1].sequence)
-    t_inputs = _alongside(t_inputs, (inputs, fixed, known, plan))
-    t_smooth = eqxi.filter_primitive_bind(
-        _tangent_p, t_inputs, inputs, fixed, known, plan, capacities, like
-    )
     return out, (t_smooth, jax.tree.map(lambda _: None, out[1]))
 
 
-def _alongside(tangents, others):
-    """The tangents, with lanes where any of the others has them.
-
-    The transpose is one lane's, and its cotangents have lanes where the tangents do: those of a
-    parameter that all lanes share are summed behind it.
-    """
-    one = jnp.ones(())
-    for leaf in jax.tree.leaves(eqx.filter(others, eqx.is_array)):
-        if leaf.size:
-            same = jnp.ravel(leaf)[0] == jnp.ravel(leaf)[0]
-            one = jnp.where(same, one, one)
-    return jax.tree.map(lambda t: t * one.astype(t.dtype), tangents)
+def _as_known(found: tuple[Smooth, Counts]) -> Known:
+    smooth, counts = found
+    return Known(tuple(log.t for log in smooth.logs.crossings), counts.crossings, counts.sequence)
 
 
-def _tangent(t_inputs, inputs, fixed, known, plan, capacities, like) -> Smooth:
+def _pushed_forward(t_inputs, inputs, fixed, plan, capacities, known=None) -> tuple[Any, Smooth]:
+    """Results of a run, and their slopes along the direction `t_inputs`."""
     # Only what has a tangent is pushed forward: what is held costs no pass through the loop.
     moving = jax.tree.map(lambda t: t is not None, t_inputs, is_leaf=lambda t: t is None)
-    inexact, rest = eqx.partition(inputs, eqx.is_inexact_array)
+    inexact, others = eqx.partition(inputs, eqx.is_inexact_array)
     varied, held = eqx.partition(inexact, moving)
 
     def run(varied):
-        return _raw(eqx.combine(varied, held, rest), fixed, plan, capacities, known)[0]
+        out = _raw(eqx.combine(varied, held, others), fixed, plan, capacities, known, pushes=True)
+        return out[0], out
 
-    return jax.jvp(run, (varied,), (eqx.filter(t_inputs, moving),))[1]
-
-
-def _struct(tree):
-    return jax.tree.map(
-        lambda a: jax.ShapeDtypeStruct(a.shape, a.dtype) if hasattr(a, "shape") else a, tree
-    )
+    _, slopes, out = jax.jvp(run, (varied,), (eqx.filter(t_inputs, moving),), has_aux=True)
+    # The integrator chose the times of its steps.
+    steps = jax.tree.map(lambda a: jnp.full_like(a, jnp.nan), slopes.logs.steps)
+    return out, slopes._replace(logs=slopes.logs._replace(steps=steps))
 
 
-@eqxi.filter_primitive_def
-def _tangent_abstract(t_inputs, inputs, fixed, known, plan, capacities, like):
-    return jax.tree.map(lambda s: jax.core.ShapedArray(s.shape, s.dtype), like)
-
-
-@eqxi.filter_primitive_jvp
-def _tangent_jvp(primals, tangents):
-    # The map is linear in `t_inputs`, whose tangent it takes to its own. A tangent of anything else is
-    # that of a second derivative.
-    t_t_inputs, *others = tangents
-    if any(leaf is not None for leaf in jax.tree.leaves(others)):
-        raise NotImplementedError(f"stickslip.simulate does not offer {_NO_SECOND}.")
-    out = eqxi.filter_primitive_bind(_tangent_p, *primals)
-    return out, eqxi.filter_primitive_bind(_tangent_p, t_t_inputs, *primals[1:])
-
-
-@eqxi.filter_primitive_transpose
-def _tangent_transpose(operands, cotangents):
-    t_inputs, inputs, fixed, known, plan, capacities, like = operands
-    if jax.tree.leaves(cotangents.logs.steps):
+def _pulled_back(wanted, bars, inputs, fixed, plan, found):
+    if jax.tree.leaves(bars.logs.steps):
         raise NotImplementedError(f"stickslip.simulate does not offer {_NO_STEPS}.")
-
-    def is_linear(x):
-        return isinstance(x, jax.interpreters.ad.UndefinedPrimal)
-
-    wanted = jax.tree.map(is_linear, t_inputs, is_leaf=lambda x: x is None or is_linear(x))
-    inputs, fixed = eqxi.nondifferentiable((inputs, fixed), msg=f"stickslip: no {_NO_SECOND}")
-    bars = adjoint(inputs, fixed, known, wanted, plan, _with_zeros(cotangents, like))
-    bars = jax.tree.map(lambda w, b: b if w else None, wanted, bars)
-    # A transpose returns a cotangent for every operand, None for those it is not linear in.
-    nones = [jax.tree.map(lambda _: None, x) for x in (inputs, fixed, known, plan, capacities, like)]
-    return (bars, *nones)
+    wanted = jax.tree.map(bool, wanted, is_leaf=lambda w: w is None)
+    inputs, fixed = eqxi.nondifferentiable((inputs, fixed), msg=f"stickslip: no {NO_SECOND}")
+    cotangents = adjoint(inputs, fixed, _as_known(found), wanted, plan, _with_zeros(bars, found[0]))
+    return jax.tree.map(lambda w, b: b if w else None, wanted, cotangents)
 
 
 def _with_zeros(cotangents: Smooth, like: Smooth) -> Smooth:
@@ -242,13 +214,3 @@ def _with_zeros(cotangents: Smooth, like: Smooth) -> Smooth:
             steps=None,
         ),
     )
-
-
-_tangent_p: Any = eqxi.create_vprim(
-    "stickslip_tangent",
-    eqxi.filter_primitive_def(_tangent),
-    _tangent_abstract,
-    _tangent_jvp,
-    _tangent_transpose,
-)
-eqxi.register_impl_finalisation(_tangent_p)

@@ -1,0 +1,146 @@
+"""The readings of a derivative: y = c x^2 for rows of numbers stands for a run, in closed form."""
+
+import functools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import stickslip as ss
+from stickslip.hybrid._along import along
+from stickslip.systems import CoulombOscillator, Motion
+
+X = jnp.array([1.0, 2.0, 3.0])
+SLOPES = np.diag(2.0 * np.asarray(X))
+
+
+def reader(asked):
+    """The map with its readings; `asked` notes which of them are traced."""
+
+    def slopes(directions, operands, found=None):
+        asked.append("slopes")
+        (dx, dc), (x, c) = directions, operands
+        return 2.0 * c * x * dx + x**2 * dc
+
+    def pull(wanted, bars, operands, found):
+        asked.append("pull")
+        x, c = operands
+        return [2.0 * c * x * bars if wanted[0] else None, jnp.sum(x**2 * bars) if wanted[1] else None]
+
+    def both(directions, operands):
+        asked.append("both")
+        return operands[1] * operands[0] ** 2, slopes(directions, operands)
+
+    def results(operands):
+        asked.append("results")
+        return operands[1] * operands[0] ** 2
+
+    @jax.custom_jvp
+    def of_two(x, c):
+        return c * x**2
+
+    @of_two.defjvp
+    def _(primals, tangents):
+        return along([*tangents], [*primals], both, results, slopes, pull)
+
+    return lambda x, c=1.0: of_two(x, c)
+
+
+def test_forward_mode_takes_both_from_one_pass():
+    asked = []
+    np.testing.assert_array_equal(jax.jacfwd(reader(asked))(X), SLOPES)
+    assert asked == ["both", "slopes"]
+
+
+def test_reverse_mode_takes_the_results_first():
+    asked = []
+    run = reader(asked)
+    np.testing.assert_array_equal(jax.jacrev(run)(X), SLOPES)
+    assert set(asked) >= {"results", "pull"}
+    value, slopes = jax.value_and_grad(lambda x: jnp.sum(run(x)))(X)
+    assert value == 14.0
+    np.testing.assert_array_equal(slopes, 2.0 * X)
+
+
+@pytest.mark.parametrize("order", ["lanes outside", "lanes inside", "lanes of lanes"])
+def test_lanes_and_directions_in_any_order(order):
+    run, rows = reader([]), jnp.stack([X, -X, 2.0 * X, 0.5 * X])
+    expected = np.stack([np.diag(2.0 * np.asarray(x)) for x in rows])
+    if order == "lanes outside":
+        found = jax.vmap(jax.jacfwd(run))(rows)
+    elif order == "lanes inside":
+        found = jnp.einsum("ijik->ijk", jax.jacfwd(jax.vmap(run))(rows))
+    else:
+        found = jax.vmap(jax.vmap(jax.jacfwd(run)))(rows.reshape(2, 2, 3)).reshape(4, 3, 3)
+    np.testing.assert_array_equal(found, expected)
+    np.testing.assert_array_equal(jax.vmap(jax.jacrev(run))(rows), expected)
+
+
+def test_results_have_no_directions():
+    run = reader([])
+
+    def value_and_slopes(x):
+        return jax.vmap(lambda d: jax.jvp(run, (x,), (d,)), out_axes=(None, 0))(jnp.eye(3))
+
+    value, slopes = jax.vmap(value_and_slopes)(jnp.stack([X, -X]))
+    np.testing.assert_array_equal(value, jnp.stack([X**2, X**2]))
+    np.testing.assert_array_equal(slopes[1], -SLOPES)
+
+
+def test_a_linear_map_has_directions_of_directions_and_a_transpose():
+    run = reader([])
+    value, linear = jax.linearize(run, X)
+    np.testing.assert_array_equal(value, X**2)
+    many = jax.vmap(jax.vmap(linear))(jnp.stack([jnp.eye(3), 2.0 * jnp.eye(3)], 1))
+    np.testing.assert_array_equal(many[:, 1], 2.0 * SLOPES)
+    back = jax.linear_transpose(jax.vmap(linear), jnp.eye(3))(jnp.eye(3))[0]
+    np.testing.assert_array_equal(back, SLOPES)
+
+
+def test_lanes_that_share_a_parameter_sum_its_slopes():
+    run, c = reader([]), jnp.array([1.0, 2.0, 3.0, 4.0])
+
+    def total(x, c):
+        return jnp.sum(jax.vmap(run, (None, 0))(x, c))
+
+    of_x, of_c = jax.grad(total, (0, 1))(X, c)
+    np.testing.assert_allclose(of_x, 20.0 * X)
+    np.testing.assert_allclose(of_c, 14.0)
+    np.testing.assert_allclose(jax.jacfwd(total, (0, 1))(X, c)[0], 20.0 * X)
+
+
+@pytest.mark.parametrize("around", [jax.checkpoint, jax.jit, lambda f: jax.checkpoint(jax.vmap(f))])
+def test_a_program_may_be_cut_in_two(around):
+    run = around(reader([]))
+    rows = jnp.stack([X, -X])
+    slopes = jax.grad(lambda x: jnp.sum(jnp.sin(run(x))))(rows)
+    np.testing.assert_allclose(slopes, 2.0 * rows * jnp.cos(rows**2), rtol=1e-14)
+
+    def added(x):
+        return jax.lax.scan(lambda sum, row: (sum + jnp.sum(run(row[None])), None), 0.0, x)[0]
+
+    np.testing.assert_allclose(jax.grad(added)(rows), 2.0 * rows)
+
+
+@pytest.mark.parametrize("outer", [jax.jacfwd, jax.jacrev])
+def test_second_derivatives_are_refused(outer):
+    with pytest.raises(NotImplementedError, match="second derivatives"):
+        outer(jax.jacfwd(reader([])))(X)
+
+
+@functools.cache
+def loops(derivative):
+    """While loops in the program of a stick-slip motion; "jacfwd", "grad", or "" for the run alone."""
+
+    def end(friction):
+        block = CoulombOscillator(1.0, 1.0, friction, 0.5, 0.2)
+        saveat = ss.SaveAt(max_events=None)
+        return ss.simulate(block, 0.0, 30.0, Motion(0.0, 0.2), "stick", saveat=saveat, throw=False).y1.x
+
+    function = getattr(jax, derivative)(end) if derivative else end
+    return str(jax.jit(function).lower(1.0).as_text()).count("stablehlo.while")
+
+
+def test_a_forward_derivative_runs_the_motion_once():
+    assert loops("jacfwd") == loops("")
