@@ -13,7 +13,6 @@ Not public in JAX: the registries of partial evaluation, by which a primitive sa
 import dataclasses
 import functools
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import jax
 import jax.core
@@ -30,12 +29,13 @@ NO_SECOND = (
 
 
 def along(
-    directions: PyTree, operands: PyTree, both: Callable, results: Callable, slopes: Callable,
-    pull: Callable,
+    directions: PyTree, operands: PyTree, like: tuple[PyTree, PyTree], both: Callable,
+    results: Callable, slopes: Callable, pull: Callable,
 ) -> tuple[PyTree, PyTree]:  # fmt: skip
     """Results, which depend on the `operands` alone, and slopes, which are linear in the `directions`.
 
-    Both are pytrees of arrays, and so is what is returned.
+    All are pytrees of arrays. `like` has the shapes and types of results and slopes: to ask one of the
+    functions for them would be to trace it, and most of the time another one is wanted.
 
     **Arguments**, readings of one map: `both(directions, operands)`, results and slopes in one pass;
     `results(operands)`; `slopes(directions, operands, results)`; and its transpose
@@ -44,34 +44,38 @@ def along(
     """
     moving, moving_form = jax.tree.flatten(directions)
     others, other_form = jax.tree.flatten(operands)
+    (found_like, found_form), (rates_like, rates_form) = map(jax.tree.flatten, like)
     n, split = len(moving), len(moving) + len(others)
-    forms: Any = None
 
     def both_of(*leaves):
-        nonlocal forms
-        found = both(moving_form.unflatten(leaves[:n]), other_form.unflatten(leaves[n:]))
-        (found, found_form), (rates, rates_form) = map(jax.tree.flatten, found)
-        forms = found_form, rates_form, len(found)
-        return [*found, *rates]
+        return jax.tree.leaves(
+            both(moving_form.unflatten(leaves[:n]), other_form.unflatten(leaves[n:]))
+        )
 
     def results_of(*others):
         return jax.tree.leaves(results(other_form.unflatten(others)))
 
     def slopes_of(*leaves):
         given = moving_form.unflatten(leaves[:n]), other_form.unflatten(leaves[n:split])
-        return jax.tree.leaves(slopes(*given, forms[0].unflatten(leaves[split:])))
+        return jax.tree.leaves(slopes(*given, found_form.unflatten(leaves[split:])))
 
     def pull_of(wanted, bars, others):
-        known = other_form.unflatten(others[: split - n]), forms[0].unflatten(others[split - n :])
-        bars = pull(moving_form.unflatten(wanted), forms[1].unflatten(bars), *known)
+        known = other_form.unflatten(others[: split - n]), found_form.unflatten(others[split - n :])
+        bars = pull(moving_form.unflatten(wanted), rates_form.unflatten(bars), *known)
         return moving_form.flatten_up_to(bars)
 
     # A jitted function of leaves is traced once, whatever asks for it.
     once = functools.partial(jax.jit, inline=True)
     maps = _Maps(once(both_of), once(results_of), once(slopes_of), pull_of)
-    jax.eval_shape(maps.run, *moving, *others)
-    out = _along_p.bind(*moving, *others, request=_Request(maps, n, forms[2]))
-    return forms[0].unflatten(out[: forms[2]]), forms[1].unflatten(out[forms[2] :])
+    found, rates = (tuple(map(_shape, row)) for row in (found_like, rates_like))
+    out = _along_p.bind(*moving, *others, request=_Request(maps, n, found, rates))
+    number = len(found_like)
+    return found_form.unflatten(out[:number]), rates_form.unflatten(out[number:])
+
+
+def _shape(like: jax.ShapeDtypeStruct | jax.core.ShapedArray, *sizes: int) -> jax.core.ShapedArray:
+    """Shape and type, with axes of these sizes in front."""
+    return jax.core.ShapedArray((*sizes, *like.shape), like.dtype)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -117,11 +121,23 @@ class _Request:
 
     maps: _Maps
     directions: int  # how many of the operands are directions
-    results: int  # how many of what is returned are results; none for the linear map
+    found: tuple[jax.core.ShapedArray, ...]  # the results that are returned; none of the linear map
+    slopes: tuple[jax.core.ShapedArray, ...]  # the slopes along one direction
     many: bool = False  # whether directions have an axis of their own in front
 
+    @property
+    def results(self) -> int:
+        return len(self.found)
+
     def linear(self) -> "_Request":
-        return dataclasses.replace(self, maps=self.maps.linear(), results=0)
+        return dataclasses.replace(self, maps=self.maps.linear(), found=())
+
+    def of_lanes(self, size: int, axes: Sequence) -> "_Request":
+        def lanes(row):
+            return tuple(_shape(a, size) for a in row)
+
+        maps = self.maps.of_lanes(self.directions, axes)
+        return dataclasses.replace(self, maps=maps, found=lanes(self.found), slopes=lanes(self.slopes))
 
     def run(self, *leaves):
         n = self.directions
@@ -133,16 +149,16 @@ class _Request:
 
 
 def _shapes(*avals, request):
-    out = jax.eval_shape(request.run, *(jax.ShapeDtypeStruct(a.shape, a.dtype) for a in avals))
-    return [jax.core.ShapedArray(a.shape, a.dtype) for a in out]
+    many = avals[0].shape[:1] if request.many else ()
+    return [*request.found, *(_shape(a, *many) for a in request.slopes)]
 
 
 def _batch(leaves, axes, *, request):
     """A batch of the directions alone is one of directions, any other is one of lanes."""
     n = request.directions
     pairs = [*zip(leaves, axes, strict=True)]
+    size = next(x.shape[axis] for x, axis in pairs if axis is not None)
     if all(axis is None for axis in axes[n:]):
-        size = next(x.shape[axis] for x, axis in pairs if axis is not None)
         moving = [batching.bdim_at_front(x, axis, size) for x, axis in pairs[:n]]
         many = moving[0].shape[: 1 + request.many]
         moving = [x.reshape(-1, *x.shape[len(many) :]) for x in moving]
@@ -153,8 +169,8 @@ def _batch(leaves, axes, *, request):
         x if axis is None else jnp.moveaxis(x, axis, 1 if request.many and i < n else 0)
         for i, (x, axis) in enumerate(pairs)
     ]
-    maps = request.maps.of_lanes(n, [None if axis is None else 0 for axis in axes])
-    out = _along_p.bind(*inside, request=dataclasses.replace(request, maps=maps))
+    lanes = request.of_lanes(size, [None if axis is None else 0 for axis in axes])
+    out = _along_p.bind(*inside, request=lanes)
     return out, [0] * request.results + [int(request.many)] * (len(out) - request.results)
 
 
@@ -201,7 +217,8 @@ def _cut_in_two(saveable, unknown, given, eqn):
     if request.results == 0 or any(unknown[n:]):
         return None, eqn, flags, flags, kept
     found, slopes = eqn.outvars[: request.results], eqn.outvars[request.results :]
-    alone = _Request(dataclasses.replace(request.maps, run=request.maps.results), 0, request.results)
+    maps = dataclasses.replace(request.maps, run=request.maps.results)
+    alone = _Request(maps, 0, request.found, ())
     now = eqn.replace(invars=eqn.invars[n:], outvars=found, params={"request": alone})
     unread = [jax.extend.core.DropVar(x.aval) for x in found]
     flags = [False] * len(found) + [True] * len(slopes)

@@ -24,7 +24,7 @@ from ._adjoint import adjoint
 from ._along import NO_SECOND, along
 from ._crossing import crossings, crossings_near
 from ._loop_state import Known, Lane, Plan, start_lane
-from ._record import Capacities, Logs, record
+from ._record import Capacities, Crossed, Logs, no_rows, record
 from ._tolerance import largest_magnitude, sizes, too_loose
 from .status import COARSE, flag, told
 
@@ -62,28 +62,47 @@ def _raw(
 ) -> tuple[Smooth, Counts]:
     """`known`: what a run before has met, where it is run again for a derivative; `pushes`: whether it
     pushes a direction forward."""
-    problem, t0, y0 = inputs
-    mode0, t1, outputs = fixed
+    (problem, t0, y0), (mode0, t1, outputs) = inputs, fixed
     lane = start_lane(plan, t0, y0, mode0)
     lane, logs, steps = record(plan, capacities, problem, lane, t1, outputs)
 
-    def count(value):
-        return value.astype(jnp.int32)
-
     def found_from(section, starts, number, near=None):
+        number = number.astype(jnp.int32)
         if near is None and not pushes:
-            return crossings(plan, problem, section, starts, count(number))
+            return crossings(plan, problem, section, starts, number)
         if near is None:  # the search has no derivatives: they are those of its last step
             held = jax.lax.stop_gradient((problem, starts))
-            near = crossings(plan, held[0], section, held[1], count(number)).t
+            near = crossings(plan, held[0], section, held[1], number).t
         return crossings_near(plan, problem, section, starts, near)
 
     near = () if known is None else (known.near,)
     rows = zip(plan.functions.sections, logs.crossings, lane.crossings, *near, strict=True)
     logs = logs._replace(crossings=tuple(found_from(*row) for row in rows))
-    flags, flagged_at, flagged_guard = told(lane.flags)
     if known is not None:
         logs = _where_met(known, lane, logs)
+    return _divided(plan, y0, lane, logs, steps)
+
+
+def _shapes(inputs, fixed, plan: Plan, capacities: Capacities) -> tuple[Smooth, Counts]:
+    """Shapes and types of `_raw`, which need no run."""
+
+    def begun(inputs, fixed):
+        (_, t0, y0), (mode0, *_) = inputs, fixed
+        lane = start_lane(plan, t0, y0, mode0)
+        logs = no_rows(capacities, lane)
+        rows = tuple(Crossed(rows.t, rows.y, rows.y, rows.mode) for rows in logs.crossings)
+        return _divided(plan, y0, lane, logs._replace(crossings=rows), jnp.zeros((), jnp.int32))
+
+    return eqx.filter_eval_shape(begun, inputs, fixed)
+
+
+def _divided(plan: Plan, y0: PyTree, lane: Lane, logs: Logs, steps: Any) -> tuple[Smooth, Counts]:
+    """The results of a run: floats apart from integers."""
+
+    def count(value):
+        return value.astype(jnp.int32)
+
+    flags, flagged_at, flagged_guard = told(lane.flags)
     smooth_logs, integer_logs = eqx.partition(logs, eqx.is_inexact_array)
     return (
         Smooth(lane.t, lane.y, smooth_logs),
@@ -155,7 +174,8 @@ def _core_jvp(primals, tangents, *, fixed, plan, capacities):
         inputs, fixed, plan, _ = eqx.combine(operands, rest)
         return _pulled_back(wanted, bars, inputs, fixed, plan, found)
 
-    out, t_smooth = along(t_inputs, operands, both, results, slopes, pull)
+    like = _shapes(inputs, fixed, plan, capacities)
+    out, t_smooth = along(t_inputs, operands, (like, like[0]), both, results, slopes, pull)
     # Derivatives exist of `Smooth` alone; what counts is integers, whose tangent is None.
     return out, (t_smooth, jax.tree.map(lambda _: None, out[1]))
 

@@ -102,7 +102,7 @@ def record(
     # Without logs there are no blocks either: the loop ends with the attempt that ends the last lane.
     if capacities.nothing and plan.progress is None:
         return run(plan, problem, lane, t1, outputs), Logs(None, (), None, None), none
-    logs = _empty(capacities, lane)
+    logs = no_rows(capacities, lane)
 
     guards = plan.functions.num_guards > 0
     # Bends of a force, and known instants, are guards that are not logged.
@@ -136,7 +136,9 @@ def record(
     return jax.lax.while_loop(lambda c: running(c[0]), body, (lane, logs, none))
 
 
-def _empty(capacities: Capacities, lane: Lane) -> Logs:
+def no_rows(capacities: Capacities, lane: Lane) -> Logs:
+    """Logs with room for all rows, before the first of them."""
+
     def rows(capacity, tree):
         return jax.tree.map(lambda a: jnp.zeros((capacity, *jnp.shape(a)), jnp.asarray(a).dtype), tree)
 
