@@ -2,6 +2,7 @@
 PYTHON ?= python3
 WORKERS ?= 2
 MINUTES ?= 10
+SHARE ?= 1/1
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -69,8 +70,8 @@ docs: setup ## the site, into build/docs: notebooks as `make notebooks` left the
 test: setup ## the quick suite
 	@$(SUITE) -m "not slow and not more"
 
-test-more: setup ## the quick suite and as much again, with shapes and types checked at call time
-	@$(SUITE) -m "not slow" $(TYPED)
+test-more: setup ## the quick suite and more, with shapes and types checked; SHARE=2/5 of the further tests
+	@$(SUITE) -m "not slow" $(TYPED) --share=$(SHARE)
 
 test-all: setup ## every test, the slow ones too, with shapes and types checked at call time
 	@$(SUITE) $(TYPED)

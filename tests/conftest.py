@@ -7,6 +7,7 @@ hook that its option installs before this file is read.
 import gc
 import importlib
 import os
+import zlib
 
 import hypothesis
 import jax
@@ -28,6 +29,24 @@ MOST_MAPS = 20_000
 # The same examples on every run, and no deadline: the first call of a jitted function compiles.
 hypothesis.settings.register_profile("reproducible", derandomize=True, deadline=None)
 hypothesis.settings.load_profile("reproducible")
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    text = "of the tests marked `more` those in a share of the files alone: 2/5 is the second fifth"
+    parser.addoption("--share", default="1/1", metavar="I/N", help=text)
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave out the `more` tests of other shares; which share a file is in follows from its name."""
+    part, parts = map(int, config.getoption("share").split("/"))
+
+    def is_in(item: pytest.Item) -> bool:
+        file = zlib.crc32(item.nodeid.split("::")[0].encode())
+        return item.get_closest_marker("more") is None or file % parts == part - 1
+
+    left_out = [item for item in items if not is_in(item)]
+    config.hook.pytest_deselected(items=left_out)
+    items[:] = filter(is_in, items)
 
 
 def pytest_configure(config: pytest.Config) -> None:

@@ -80,7 +80,7 @@ def _raw(
     logs = logs._replace(crossings=tuple(found_from(*row) for row in rows))
     if known is not None:
         logs = _where_met(known, lane, logs)
-    return _divided(plan, y0, lane, logs, steps)
+    return _as_results(plan, y0, lane, logs, steps)
 
 
 def _shapes(inputs, fixed, plan: Plan, capacities: Capacities) -> tuple[Smooth, Counts]:
@@ -91,12 +91,12 @@ def _shapes(inputs, fixed, plan: Plan, capacities: Capacities) -> tuple[Smooth, 
         lane = start_lane(plan, t0, y0, mode0)
         logs = no_rows(capacities, lane)
         rows = tuple(Crossed(rows.t, rows.y, rows.y, rows.mode) for rows in logs.crossings)
-        return _divided(plan, y0, lane, logs._replace(crossings=rows), jnp.zeros((), jnp.int32))
+        return _as_results(plan, y0, lane, logs._replace(crossings=rows), jnp.zeros((), jnp.int32))
 
     return eqx.filter_eval_shape(begun, inputs, fixed)
 
 
-def _divided(plan: Plan, y0: PyTree, lane: Lane, logs: Logs, steps: Any) -> tuple[Smooth, Counts]:
+def _as_results(plan: Plan, y0: PyTree, lane: Lane, logs: Logs, steps: Any) -> tuple[Smooth, Counts]:
     """The results of a run: floats apart from integers."""
 
     def count(value):
