@@ -44,12 +44,22 @@ def nowhere(eqn: Any) -> bool:
     return False
 
 
+class Unopened:
+    """A parameter of an equation whose program is traced when somebody asks for it."""
+
+    def program(self, *operands: Any) -> Any:
+        """The program, for operands of these shapes and types."""
+        raise NotImplementedError
+
+
 def equations(jaxpr: Any, enters: Callable[[Any], bool] = lambda eqn: True) -> Iterator[Any]:
     """Equations of a program and, where `enters(equation)`, of all programs in their parameters."""
     for eqn in jaxpr.eqns:
         yield eqn
         if enters(eqn):
-            for inner in jax.extend.core.jaxprs_in_params(eqn.params):
+            closed = [x for x in eqn.params.values() if isinstance(x, Unopened)]
+            opened = (x.program(*(var.aval for var in eqn.invars)) for x in closed)
+            for inner in (*jax.extend.core.jaxprs_in_params(eqn.params), *opened):
                 yield from equations(getattr(inner, "jaxpr", inner), enters)
 
 

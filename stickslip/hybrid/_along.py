@@ -13,6 +13,7 @@ Not public in JAX: the registries of partial evaluation, by which a primitive sa
 import dataclasses
 import functools
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import jax
 import jax.core
@@ -21,6 +22,8 @@ import jax.numpy as jnp
 from jax.interpreters import ad, batching, mlir
 from jax.interpreters import partial_eval as pe
 from jaxtyping import PyTree
+
+from .._jaxpr import Unopened
 
 NO_SECOND = (
     "second derivatives of a simulation (the event times are corrected to first order only); use "
@@ -116,7 +119,7 @@ class _Maps:
 
 
 @dataclasses.dataclass(frozen=True)
-class _Request:
+class _Request(Unopened):
     """A request: the readings, and how operands and what is returned divide."""
 
     maps: _Maps
@@ -146,6 +149,18 @@ class _Request:
         out = jax.vmap(lambda *moving: self.maps.run(*moving, *leaves[n:]))(*leaves[:n])
         # The results are the same for all directions.
         return [*(x[0] for x in out[: self.results]), *out[self.results :]]
+
+    def program(self, *operands):
+        return _program_of(self, tuple(jax.ShapeDtypeStruct(a.shape, a.dtype) for a in operands))
+
+
+@functools.lru_cache(maxsize=32)
+def _program_of(request: _Request, operands: tuple) -> Any:
+    return jax.make_jaxpr(request.run)(*operands)
+
+
+def _run(*leaves, request):
+    return jax.extend.core.jaxpr_as_fun(request.program(*leaves))(*leaves)
 
 
 def _shapes(*avals, request):
@@ -227,13 +242,11 @@ def _cut_in_two(saveable, unknown, given, eqn):
 
 _along_p = jax.extend.core.Primitive("stickslip_along")
 _along_p.multiple_results = True
-_along_p.def_impl(lambda *leaves, request: request.run(*leaves))
+_along_p.def_impl(_run)
 _along_p.def_abstract_eval(_shapes)
 ad.primitive_jvps[_along_p] = _push_forward
 ad.primitive_transposes[_along_p] = _pull_back
 batching.primitive_batchers[_along_p] = _batch
 pe.custom_partial_eval_rules[_along_p] = _partly_known
 pe.partial_eval_jaxpr_custom_rules[_along_p] = _cut_in_two
-mlir.register_lowering(
-    _along_p, mlir.lower_fun(lambda *leaves, request: request.run(*leaves), multiple_results=True)
-)
+mlir.register_lowering(_along_p, mlir.lower_fun(_run, multiple_results=True))

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import stickslip as ss
+from stickslip._jaxpr import equations
 from stickslip.hybrid._along import along
 from stickslip.systems import CoulombOscillator, Motion
 
@@ -94,6 +95,12 @@ def test_lanes_lie_side_by_side():
     products = [line.split()[-1] for line in text.splitlines() if "stablehlo.multiply" in line]
     assert "tensor<3x5xf64>" in products
     assert "tensor<5x3xf64>" not in products
+
+
+def test_a_walk_sees_the_program():
+    """Loops of LAPACK and of many motions must be found where they are differentiated, too."""
+    closed = jax.make_jaxpr(jax.vmap(jax.jacfwd(reader([]))))(ROWS)
+    assert "mul" in {eqn.primitive.name for eqn in equations(closed.jaxpr)}
 
 
 def test_results_have_no_directions():
