@@ -1,5 +1,6 @@
 """The one walk over a traced program: what an equation makes of its operands is the reader's rule."""
 
+import abc
 from collections.abc import Callable, Collection, Iterator, Sequence
 from typing import Any
 
@@ -44,12 +45,12 @@ def nowhere(eqn: Any) -> bool:
     return False
 
 
-class Unopened:
+class ProgramOnDemand(abc.ABC):
     """A parameter of an equation whose program is traced when somebody asks for it."""
 
+    @abc.abstractmethod
     def program(self, *operands: Any) -> Any:
         """The program, for operands of these shapes and types."""
-        raise NotImplementedError
 
 
 def equations(jaxpr: Any, enters: Callable[[Any], bool] = lambda eqn: True) -> Iterator[Any]:
@@ -57,7 +58,7 @@ def equations(jaxpr: Any, enters: Callable[[Any], bool] = lambda eqn: True) -> I
     for eqn in jaxpr.eqns:
         yield eqn
         if enters(eqn):
-            closed = [x for x in eqn.params.values() if isinstance(x, Unopened)]
+            closed = [x for x in eqn.params.values() if isinstance(x, ProgramOnDemand)]
             opened = (x.program(*(var.aval for var in eqn.invars)) for x in closed)
             for inner in (*jax.extend.core.jaxprs_in_params(eqn.params), *opened):
                 yield from equations(getattr(inner, "jaxpr", inner), enters)

@@ -23,7 +23,7 @@ from jax.interpreters import ad, batching, mlir
 from jax.interpreters import partial_eval as pe
 from jaxtyping import PyTree
 
-from .._jaxpr import Unopened
+from .._jaxpr import ProgramOnDemand
 
 NO_SECOND = (
     "second derivatives of a simulation (the event times are corrected to first order only); use "
@@ -119,7 +119,7 @@ class _Maps:
 
 
 @dataclasses.dataclass(frozen=True)
-class _Request(Unopened):
+class _Request(ProgramOnDemand):
     """A request: the readings, and how operands and what is returned divide."""
 
     maps: _Maps

@@ -27,6 +27,7 @@ from ._loop_state import Known, Lane, Plan, start_lane
 from ._record import Capacities, Crossed, Logs, no_rows, record
 from ._tolerance import largest_magnitude, sizes, too_loose
 from .status import COARSE, flag, told
+from .tree import frozen
 
 _NO_STEPS = "derivatives of SaveAt(steps=True): the integrator chose the times; state them as `ts`"
 
@@ -67,12 +68,12 @@ def _raw(
     lane, logs, steps = record(plan, capacities, problem, lane, t1, outputs)
 
     def found_from(section, starts, number, near=None):
-        number = number.astype(jnp.int32)
-        if near is None and not pushes:
-            return crossings(plan, problem, section, starts, number)
-        if near is None:  # the search has no derivatives: they are those of its last step
-            held = jax.lax.stop_gradient((problem, starts))
-            near = crossings(plan, held[0], section, held[1], number).t
+        if near is None:
+            held = frozen((problem, starts)) if pushes else (problem, starts)
+            found = crossings(plan, held[0], section, held[1], number.astype(jnp.int32))
+            if not pushes:
+                return found
+            near = found.t  # the search has no derivatives: they are those of its last step
         return crossings_near(plan, problem, section, starts, near)
 
     near = () if known is None else (known.near,)

@@ -132,6 +132,18 @@ def test_a_linear_map_has_directions_of_directions_and_a_transpose():
     np.testing.assert_array_equal(back, SLOPES)
 
 
+def test_directions_of_lanes_have_a_transpose():
+    run = reader([])
+
+    @jax.jit
+    def back(rows):
+        linear = jax.linearize(jax.vmap(run), rows)[1]
+        many = np.stack([ROWS, 2.0 * ROWS, 3.0 * ROWS])
+        return jax.linear_transpose(jax.vmap(linear), many)(many)[0]
+
+    np.testing.assert_array_equal(back(ROWS), 2.0 * ROWS * np.stack([ROWS, 2.0 * ROWS, 3.0 * ROWS]))
+
+
 def test_lanes_that_share_a_parameter_sum_its_slopes():
     run, c = reader([]), np.array([1.0, 2.0, 3.0, 4.0])
 
