@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 import pytest
 
+import stickslip as ss
 from tests.house._repository import ROOT
 
 
@@ -72,8 +73,12 @@ def test_programs_are_kept_in_the_checkout_where_git_does_not_look(pytestconfig)
     """Those of this process and of the processes that it starts."""
     if getattr(pytestconfig, "cache", None) is None:
         pytest.skip("run with `-p no:cacheprovider`, which keeps nothing")
-    kept = Path(os.environ["STICKSLIP_CACHE"])
-    assert Path(jax.config.jax_compilation_cache_dir).is_relative_to(kept)
+    kept, before = Path(os.environ["STICKSLIP_CACHE"]), jax.config.jax_compilation_cache_dir
+    ss.enable_compilation_cache()  # the quick suite has it off, unless a test before this one has it on
+    try:
+        assert Path(jax.config.jax_compilation_cache_dir).is_relative_to(kept)
+    finally:
+        jax.config.update("jax_compilation_cache_dir", before)
     assert kept.is_relative_to(ROOT / pytestconfig.getini("cache_dir"))
     assert ".pytest_cache/" in (ROOT / ".gitignore").read_text(encoding="utf-8").splitlines()
 
