@@ -24,6 +24,7 @@ from jax.interpreters import partial_eval as pe
 from jaxtyping import PyTree
 
 from .._jaxpr import ProgramOnDemand
+from .executor import ALONG_NAME
 
 NO_SECOND = (
     "second derivatives of a simulation (the event times are corrected to first order only); use "
@@ -240,7 +241,7 @@ def _cut_in_two(saveable, unknown, given, eqn):
     return now, eqn.replace(outvars=[*unread, *slopes]), flags, flags, kept
 
 
-_along_p = jax.extend.core.Primitive("stickslip_along")
+_along_p = jax.extend.core.Primitive(ALONG_NAME)
 _along_p.multiple_results = True
 _along_p.def_impl(_run)
 _along_p.def_abstract_eval(_shapes)

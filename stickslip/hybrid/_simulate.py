@@ -191,10 +191,11 @@ def simulate(
     check_at_least("t1", t1, "t0", t0)
     ts = output_times(saveat.ts, t0, t1)
     y0, mode0 = the_start(system, y0, mode0, args)
-    type(system).check_start(system, t0, y0, args)  # a bound method of Equinox takes 30 us to make
+    kind = type(system)  # a bound method of Equinox takes 30 us to make
+    kind.check_start(system, t0, y0, args)
     if mode0 is not None:
         mode: Any = mode0  # a number by now
-        system.check_mode(t0, y0, mode, args)
+        kind.check_mode(system, t0, y0, mode, args)
 
     def run(mode0):
         return _run(system, args, t0, t1, y0, mode0, ts, integrator, saveat, current_executor())

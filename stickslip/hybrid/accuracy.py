@@ -163,7 +163,7 @@ class Accuracy:
     """and where to enter the loop costs as much as an attempt."""
     tape_rows: int = 32 * block
     """Most rows of the tape of reverse mode."""
-    rows_at_once: int = 64
+    rows_at_once: int = 32
     """Rows of a log that are written in one go."""
     worth_a_call: int = 8
     """Operations that a call must save: it has to store its result, which is read again."""

@@ -32,6 +32,7 @@ from .._validation import check_flag, check_type
 _BOUNDARY = {"inlineable": "false"}
 _LOOP = {"inlineable": "false", "xla_cpu_small_call": "true"}
 LOOP_NAME = "fused_time_loop"  # of the call that holds a whole time loop, in a traced program
+ALONG_NAME = "stickslip_along"  # of the equation that has slopes of a run, in a traced program
 
 
 @check_arguments(**dict.fromkeys(("fused", "compact"), checked_by(check_flag)))

@@ -207,23 +207,30 @@ def check_held(mechanism: Any, mode: int, found: Any) -> None:
     It would be held at that speed, or there. `found`: states, speeds and sizes of their terms, of
     contacts and stops; gaps of the stops and sizes of their terms.
     """
-    names, n = mechanism.names, len(mechanism.names.contacts)
-    m, k = n + len(mechanism.names.stops), len(mechanism.names.stops)
-    states, speeds, fastest, gaps, farthest = np.split(np.asarray(found), np.cumsum([m, m, m, k]))
-    moves = np.abs(speeds) > ACCURACY.slides * fastest + ACCURACY.rests
-    apart = np.abs(gaps) > ACCURACY.slides * farthest + ACCURACY.rests
-    given = mechanism.mode_names[mode]
+    names = mechanism.names
+    n, k = len(names.contacts), len(names.stops)
+    numbers, m = [float(x) for x in found], n + k
+    states, speeds, gaps = numbers[:m], numbers[m : 2 * m], numbers[3 * m : 3 * m + k]
+    moves = [_differs(u, size) for u, size in zip(speeds, numbers[2 * m : 3 * m], strict=True)]
+    apart = [_differs(gap, size) for gap, size in zip(gaps, numbers[3 * m + k :], strict=True)]
     for c, contact in enumerate(names.contacts):
         if states[c] == 0.0 and moves[c]:
             allowed = f"a mode in which contact {contact!r} does not stick, or left out"
+            given = mechanism.mode_names[mode]
             raise refusal("mode0", given, allowed, but=f"and it slides at {speeds[c]:.6g}")
     for c, stop in enumerate(names.stops):
+        given = mechanism.mode_names[mode]
         allowed = f"a mode in which stop {stop!r} is open, or left out"
         if states[n + c] == 0.0 and apart[c]:
             raise refusal("mode0", given, allowed, but=f"and its gap is {gaps[c]:.6g}")
         if states[n + c] == 0.0 and moves[n + c]:
             but = f"and its gap changes at {speeds[n + c]:.6g}"
             raise refusal("mode0", given, allowed, but=but)
+
+
+def _differs(value: float, size: float) -> bool:
+    """Whether a number made of terms of this size is not zero, rounding aside."""
+    return abs(value) > ACCURACY.slides * size + ACCURACY.rests
 
 
 def check_pressed(mechanism: Any, found: list[Any]) -> None:
@@ -234,12 +241,12 @@ def check_pressed(mechanism: Any, found: list[Any]) -> None:
     names = mechanism.names
     fixed = [name for name in names.contacts if name not in names.opening]
     for name, load in zip(fixed, found, strict=False):
-        if not np.all(np.asarray(load) >= 0.0):
+        if not (np.asarray(load) >= 0.0).all():
             raise refusal(f"the normal force of contact {name!r} at the start", load, "not negative")
     laws = iter(found[len(fixed) :])
     for name in names.contacts:
         for what in RESISTING:
             coefficient = next(laws)
-            if np.any(np.asarray(coefficient) < 0.0):
+            if (np.asarray(coefficient) < 0.0).any():
                 allowed = "not negative: friction resists, and this drives"
                 raise refusal(f"the {what} of contact {name!r}", coefficient, allowed)

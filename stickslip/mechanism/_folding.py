@@ -9,7 +9,7 @@ import numpy as np
 
 from stickslip._jaxpr import called_program, walk
 
-from ._known import NotArithmetic, result_of
+from ._known import NotArithmetic, operation_of
 
 _LINEAR: dict[str, Callable] = {
     "neg": np.negative, "add": np.add, "add_any": np.add, "sub": np.subtract, "copy": np.asarray,
@@ -75,6 +75,6 @@ def _equation(eqn: Any, given: list, one: np.ndarray) -> list:
     if None in constants:
         return unknown
     try:
-        return [float(x) * one for x in result_of(eqn, constants)]
+        return [float(operation_of(eqn)(*constants)) * one]
     except NotArithmetic:
         return unknown

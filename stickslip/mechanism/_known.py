@@ -37,8 +37,9 @@ class NotArithmetic(Exception):
 def numbers_known(function: Callable, *operands: Any) -> list[Any] | None:
     """Leaves of `function(*operands)`, numbers of NumPy; None where they are more than arithmetic."""
     program, numbers = kept_trace(function, *operands)
-    if not all(isinstance(getattr(x, "dtype", FLOAT), np.dtype) for x in numbers):
-        return None  # random keys are arrays, but not of numbers
+    for x in numbers:
+        if type(x) is not np.ndarray and not isinstance(getattr(x, "dtype", FLOAT), np.dtype):
+            return None  # random keys are arrays, but not of numbers
     return numbers_from(program, [np.asarray(x) for x in numbers])
 
 
@@ -48,10 +49,11 @@ def kept_trace(function: Callable, *operands: Any) -> tuple[Any, list[Any]]:
     Kept for operands of the same form and code, so `function` must have a name: a lambda has none.
     """
     leaves, form = jax.tree.flatten(operands)
-    arrays = [isinstance(x, jax.Array | np.ndarray | float) for x in leaves]
-    rest = tuple(x for x, array in zip(leaves, arrays, strict=True) if not array)
+    # An array of NumPy first: whether something is one of JAX takes ten times as long to ask.
+    arrays = [isinstance(x, np.ndarray | float) or isinstance(x, jax.Array) for x in leaves]
+    rest = tuple([x for x, array in zip(leaves, arrays, strict=True) if not array])
     numbers = [x for x, array in zip(leaves, arrays, strict=True) if array]
-    shapes = tuple((np.shape(x), getattr(x, "dtype", FLOAT)) for x in numbers)
+    shapes = tuple([(np.shape(x), getattr(x, "dtype", FLOAT)) for x in numbers])
     code = (code_key(operands), told_apart(rest))
     key = (function, form, tuple(arrays), rest, shapes, code)
     try:
@@ -63,10 +65,8 @@ def kept_trace(function: Callable, *operands: Any) -> tuple[Any, list[Any]]:
 
 def numbers_from(closed: Any, numbers: list[Any]) -> list[Any] | None:
     """Results of a traced function, numbers of NumPy; None where they are more than arithmetic."""
-    try:
-        return _numbers(closed.jaxpr, closed.consts, numbers)
-    except NotArithmetic:
-        return None
+    arithmetic = _arithmetic_of(closed)
+    return None if arithmetic is None else arithmetic(numbers)
 
 
 @functools.lru_cache(maxsize=128)
@@ -81,12 +81,48 @@ def _trace_of(
     return jax.make_jaxpr(of)([jax.ShapeDtypeStruct(*shape) for shape in shapes])
 
 
-def _numbers(jaxpr: Any, consts: Any, operands: Any) -> list[Any]:
-    found = walk(jaxpr, operands, result_of, lambda _, number: number, consts, _needed_equations(jaxpr))
-    return [np.asarray(x) for x in found]
+class _Arithmetic:
+    """A traced program as operations of NumPy, one after the other; raises `NotArithmetic`."""
+
+    def __init__(self, closed: Any):
+        jaxpr = closed.jaxpr
+        self.places: list[Any] = [None] * len(jaxpr.invars)  # operands, then constants and results
+        self.operations: list[tuple[Callable, list[int], int]] = []
+        self.results = self._walk(jaxpr, closed.consts, [*range(len(jaxpr.invars))])
+
+    def _walk(self, jaxpr: Any, consts: Any, operands: list[int]) -> list[int]:
+        def place(_: Any, number: Any) -> int:
+            self.places.append(number)
+            return len(self.places) - 1
+
+        return walk(jaxpr, operands, self._rule, place, consts, _needed_equations(jaxpr))
+
+    def _rule(self, eqn: Any, operands: list[int]) -> list[int]:
+        called = eqn.primitive.name in ("jit", "pjit", "custom_jvp_call", "closed_call")
+        inner = called_program(eqn) if called else None
+        if inner is not None:
+            return self._walk(*inner, operands)
+        self.places.append(None)
+        self.operations.append((operation_of(eqn), operands, len(self.places) - 1))
+        return [len(self.places) - 1]
+
+    def __call__(self, numbers: list[Any]) -> list[Any]:
+        known = self.places.copy()
+        known[: len(numbers)] = numbers
+        with np.errstate(all="ignore"):
+            for operation, operands, result in self.operations:
+                known[result] = operation(*[known[i] for i in operands])
+        return [np.asarray(known[i]) for i in self.results]
 
 
 @functools.lru_cache(maxsize=256)
+def _arithmetic_of(closed: Any) -> _Arithmetic | None:
+    try:
+        return _Arithmetic(closed)
+    except NotArithmetic:
+        return None
+
+
 def _needed_equations(jaxpr: Any) -> list[Any]:
     """The equations that the results come from: a contact declares more than its normal force."""
     sought, found = set(map(id, jaxpr.outvars)), []
@@ -97,27 +133,24 @@ def _needed_equations(jaxpr: Any) -> list[Any]:
     return found[::-1]
 
 
-def result_of(eqn: Any, given: list[Any]) -> list[Any]:
-    """Results of one equation; raises `NotArithmetic`."""
-    name = eqn.primitive.name
-    inner = called_program(eqn) if name in ("jit", "pjit", "custom_jvp_call", "closed_call") else None
-    if inner is not None:
-        return _numbers(*inner, given)
+def operation_of(eqn: Any) -> Callable:
+    """The function of NumPy that is the operation of an equation; raises `NotArithmetic`."""
+    name, params = eqn.primitive.name, eqn.params
     if name == "convert_element_type":
-        return [np.asarray(given[0]).astype(eqn.params["new_dtype"])]
-    if any(np.ndim(x) for x in given):
+        return lambda x: np.asarray(x).astype(params["new_dtype"])
+    if any(var.aval.shape for var in eqn.invars):
         raise NotArithmetic
-    with np.errstate(all="ignore"):
-        if name == "integer_pow":
-            return [np.asarray(given[0]) ** float(eqn.params["y"])]
-        if name == "div" and np.asarray(given[0]).dtype.kind == "f":
-            return [np.true_divide(*given)]
-        if name == "round" and eqn.params["rounding_method"] == jax.lax.RoundingMethod.TO_NEAREST_EVEN:
-            return [np.rint(given[0])]
-        if name == "bitcast_convert_type":
-            return [np.asarray(given[0]).view(eqn.params["new_dtype"])]
-        if name == "select_n":
-            return [given[1 + int(given[0])]]
-        if name in _OPERATIONS:
-            return [_OPERATIONS[name](*given)]
+    if name == "integer_pow":
+        exponent = float(params["y"])
+        return lambda x: np.asarray(x) ** exponent
+    if name == "div" and eqn.invars[0].aval.dtype.kind == "f":
+        return np.true_divide
+    if name == "round" and params["rounding_method"] == jax.lax.RoundingMethod.TO_NEAREST_EVEN:
+        return np.rint
+    if name == "bitcast_convert_type":
+        return lambda x: np.asarray(x).view(params["new_dtype"])
+    if name == "select_n":
+        return lambda which, *cases: cases[int(which)]
+    if name in _OPERATIONS:
+        return _OPERATIONS[name]
     raise NotArithmetic

@@ -66,8 +66,8 @@ class map_lanes:
     - `function(*inputs)`: what one lane does, e.g. `lambda k: simulate(...).y1.x`; inputs and
       results are pytrees of arrays.
     - `chunk_size`: most lanes per chunk; by default 64 fused, 1,024 portable on a CPU and 65,536
-      elsewhere. Fused chunks are made smaller where the function runs several motions at once, and
-      where the compiler does not take them.
+      elsewhere. Fused chunks are made smaller where the function runs several motions at once or has
+      derivatives along three directions and more, and where the compiler does not take them.
     - `executor`: `"fused"` compiles the time loop to one function (3 to 6 times faster on a CPU);
       `"portable"` uses nothing but public JAX; `"auto"` is `"fused"` on a CPU if a trial in a
       subprocess has shown that this jaxlib compiles it and agrees in value. The trial cannot cover

@@ -43,13 +43,15 @@ def test_motions_inside_a_lane_count(motions, lanes):
 
 
 @pytest.mark.more
-def test_directions_of_a_derivative_are_no_motions():
+@pytest.mark.parametrize(("directions", "lanes"), [(2, 64), (6, 32)])
+def test_many_directions_of_a_derivative_halve_a_chunk(directions, lanes):
     def lane(speed):
-        return jax.jacfwd(lambda p: motion(p[0] + p[1:].sum()).y1.x)(jnp.zeros(6).at[0].set(speed))
+        start = jnp.zeros(directions).at[0].set(speed)
+        return jax.jacfwd(lambda p: motion(p[0] + p[1:].sum()).y1.x)(start)
 
     mapped = ss.map_lanes(lane, executor="fused", workers=1)
     mapped(SPEEDS[:64])
-    assert lanes_of(mapped) == [("fused", 64)]
+    assert lanes_of(mapped) == [("fused", lanes)]
 
 
 @time_loop
