@@ -167,7 +167,7 @@ def _kick(plan: Plan, mode, index, t, y, *, problem):
     slopes = jax.vmap(look)(jnp.stack([mode, system.transition(t, y, mode, index, args)[1]]))
     return tuple(
         _differs(a, level)
-        for a, level in zip(slopes, (ACCURACY.jump_of_field, ACCURACY.zero), strict=True)
+        for a, level in zip(slopes, (ACCURACY.jump, ACCURACY.zero), strict=True)
     )
 
 

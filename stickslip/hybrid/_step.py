@@ -140,7 +140,7 @@ def _sudden_shortening(plan: Plan, lane: Lane, error):
     its derivative by the time of the jump is lost.
     """
     fits = (lane.status == RUNNING) & (lane.h > 0) & (lane.bracket.tries == 0) & (error <= 1.0)
-    jumps = fits & (lane.h < ACCURACY.sudden * lane.peak) & (error > 1e-3)
+    jumps = fits & (lane.h < ACCURACY.jump * lane.peak) & (error > 1e-3)
     peak = jnp.where(fits, jnp.maximum(lane.h, ACCURACY.forgets * lane.peak), lane.peak)
     return peak, flags_with(lane.flags, flag(jumps, DISCONTINUOUS), lane.t + lane.h)
 
