@@ -33,7 +33,7 @@ class Verdict(NamedTuple):
     jumps: Any  # whether one jumps in a step too short to be cut
 
 
-JUMPS = 4.0 * ACCURACY.doubt_largest
+JUMPS = 4.0 * ACCURACY.most
 
 
 class _Course(NamedTuple):
@@ -115,7 +115,7 @@ def _verdict(found: list[_Looked], short: Any) -> Any:
         worst = jnp.where(larger, other.mismatch, worst)
         room = jnp.where(larger, other.room, room)
         jumps = jumps | other.jumps
-    doubt = jnp.minimum(ACCURACY.doubt_certain * worst / room, ACCURACY.doubt_largest)
+    doubt = jnp.minimum(ACCURACY.doubt_certain * worst / room, ACCURACY.most)
     doubt = jnp.where(short, jnp.where(jumps, JUMPS, 0.0), doubt)
     return jnp.where(place > 0, -place, doubt)
 

@@ -15,7 +15,8 @@ class Accuracy:
     solved: float = 1e-11
     """Part of the full step: an event whose last Newton correction is this small is accepted. The
     correction is applied, so that its square is the error of the location. Part of the motion to which
-    stage equations of implicit methods are solved where no tolerance says it."""
+    stage equations of implicit methods are solved where no tolerance says it. Part of all forces:
+    overloads below it are rounding in the search for what slides."""
     bisect_every: int = 8
     """Tries between two bisections: steep on one side, flat on the other, interpolation may creep."""
     reach: float = 1e-3
@@ -45,7 +46,8 @@ class Accuracy:
     """Part: two of a size, a step or a way that differ by less are one; as a factor of a first order,
     its square is `slack`. So near are sections located, which are corrected after the run with their
     exact rate; an instant to a break that is at it; a motion to the parabola through its ends and
-    slopes that is even, of which the error of a step has nothing to see."""
+    slopes that is even, of which the error of a step has nothing to see; the speed of a contact, or
+    the gap of a stop, to that of one that sticks, or is closed, beside its terms."""
     zero: float = 1e-9
     """Part: a difference that is zero without rounding is smaller, where slopes, orbits or solutions of
     equations enter it: a slope beside another, two sides of a bend that does not jump, what a direction
@@ -58,8 +60,11 @@ class Accuracy:
     load such as the sign of a sine jumps, and from which it is evaluated so far away."""
     few_roundings: float = 8 * 2.0**-52
     """Part of the terms that cancel in a field, a speed or a gap: their rounding, eight spacings."""
-    tiny: float = 1e-150
-    """A number whose square is still a normal number: nothing, but to divide by."""
+    tiny: float = 1e-100
+    """A number whose cube is still a normal number: nothing, but to divide by. Close to rest in the
+    scale of velocity of every law of friction, which is 1e-50 m/s for rate-and-state friction."""
+    most: float = 1e6
+    """A share, or a doubt, beyond it says no more: the step is much too long, the force too large."""
 
     # Guards beside zero.
     edge: float = 4e-12
@@ -73,8 +78,6 @@ class Accuracy:
     the step are not met at the same phase by both."""
     doubt_certain: float = 3.0
     """A mismatch of this part of the room, inverted, is accepted."""
-    doubt_largest: float = 1e4
-    """A doubt beyond this says no more than that the step is much too long."""
     judged_together: int = 4
     """Functions judged in one call, which has one result: the compiler would compute what several share
     for each. It would run a larger call on several threads, which a fused program cannot do. In a

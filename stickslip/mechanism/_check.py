@@ -14,7 +14,6 @@ from stickslip.hybrid.dependence import NONE, degrees
 
 from ._abstract import traced_with
 from ._abstract_declaration import AbstractDeclaration
-from ._accuracy import ACCURACY
 from ._analysis import sampled_directions
 from ._declaration import at_zero, directions_of, mass_of
 from ._gaps import check_stop_names, check_without_args
@@ -210,8 +209,8 @@ def check_held(mechanism: Any, mode: int, found: Any) -> None:
     names, n = mechanism.names, len(mechanism.names.contacts)
     m, k = n + len(mechanism.names.stops), len(mechanism.names.stops)
     states, speeds, fastest, gaps, farthest = np.split(np.asarray(found), np.cumsum([m, m, m, k]))
-    moves = np.abs(speeds) > ACCURACY.slides * fastest + ACCURACY.rests
-    apart = np.abs(gaps) > ACCURACY.slides * farthest + ACCURACY.rests
+    moves = np.abs(speeds) > ENGINE.same * fastest + ENGINE.slack
+    apart = np.abs(gaps) > ENGINE.same * farthest + ENGINE.slack
     given = mechanism.mode_names[mode]
     for c, contact in enumerate(names.contacts):
         if states[c] == 0.0 and moves[c]:
