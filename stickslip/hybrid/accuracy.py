@@ -47,14 +47,15 @@ class Accuracy:
     its square is `slack`. So near are sections located, which are corrected after the run with their
     exact rate; an instant to a break that is at it; a motion to the parabola through its ends and
     slopes that is even, of which the error of a step has nothing to see; the speed of a contact, or
-    the gap of a stop, to that of one that sticks, or is closed, beside its terms."""
+    the gap of a stop, to that of one that sticks, or is closed, beside its terms; two attractors."""
     zero: float = 1e-9
     """Part: a difference that is zero without rounding is smaller, where slopes, orbits or solutions of
     equations enter it: a slope beside another, two sides of a bend that does not jump, what a direction
     has besides others; of a full step, two guards that fire at one instant."""
     slack: float = 1e-12
     """Part of its magnitude by which a guard below zero is not violated, and a component at rest moves:
-    rounding of the state. Whatever a few operations make of terms is zero below this part of them."""
+    rounding of the state. Whatever a few operations make of terms is zero below this part of them, and
+    at rest what is slower, or closer, than so many m/s, or m."""
     some_roundings: float = 64 * 2.0**-52
     """Part of a value, 64 spacings of numbers: sums and square roots went into it, or a time at which a
     load such as the sign of a sine jumps, and from which it is evaluated so far away."""
