@@ -334,7 +334,7 @@ def _free_shifts(shifts, neutral, on_set):
     deviation of it is none of the motion, and its multiplier is 0.
     """
     left = jnp.maximum(jnp.abs(neutral @ shifts - shifts), jnp.abs(on_set @ shifts - shifts))
-    return projection_on(jnp.where(jnp.max(left, axis=0) <= ACCURACY.known, shifts, 0.0))
+    return projection_on(jnp.where(jnp.max(left, axis=0) <= ENGINE.same, shifts, 0.0))
 
 
 def _rates(system, t, y, mode, args):
@@ -390,5 +390,5 @@ def _repeats(states, unit, neutral, turn, strength, closing, multipliers):
     from_one = jnp.abs(1.0 - multipliers)
     weakest = jnp.min(jnp.where(from_one > 0.0, from_one, jnp.inf), initial=1.0)
     near = jnp.maximum(ACCURACY.closes * strength ** (1.0 / numbers), 2.0 * closing / weakest)
-    near = jnp.minimum(near, ACCURACY.known)
+    near = jnp.minimum(near, ENGINE.same)
     return jnp.max(jnp.where(away <= near, numbers, np.int32(1)))
