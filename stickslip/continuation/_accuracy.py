@@ -53,8 +53,7 @@ class Accuracy:
     behind with this part of a step, its square and its cube."""
     strays: float = 2.0
     """Steps that an orbit may be from where it was expected. Also the factor from one part of a motion
-    or of a branch to the next, and between distances of returns that are equally good: the first is
-    taken."""
+    or of a branch to the next."""
     swerves: float = 0.1
     """Of a step, that it may be, besides what the branch bends; what a law may be off by; part of its
     mean speed at which an angle shows the place on an orbit."""
@@ -104,6 +103,8 @@ class Accuracy:
     """Of the period, at which the motion is compared with its start: most small numbers divide it."""
     block: int = 32
     """Steps in which extremes are looked for side by side."""
+    as_near: float = 3.0
+    """Factor: two returns whose distances differ by less are equally good: the first is taken."""
     steep: float = 4.0
     """Power of the period that an exponential law has at least where it is told from others."""
 

@@ -229,7 +229,7 @@ def _guess(
     away = jnp.max(jnp.abs(apart(states - flat[None, :], neutral, turn) / size[None, :]), axis=1)
     away = jnp.where(jnp.isfinite(away), away, jnp.inf)
     # A return as near as two orbits are to be one is a return in any case, also if others are nearer.
-    good = jnp.isfinite(away) & (away <= jnp.maximum(ACCURACY.strays * jnp.min(away), ENGINE.same))
+    good = jnp.isfinite(away) & (away <= jnp.maximum(ACCURACY.as_near * jnp.min(away), ENGINE.same))
     period = jnp.where(jnp.any(good), after[jnp.argmax(good)], jnp.nan)
 
     # From the middle of the longest time without an event.
