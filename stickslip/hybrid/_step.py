@@ -203,7 +203,7 @@ def _rescale(plan: Plan, lane: Lane, values: Values) -> tuple[tuple, Values, Val
     always been zero, or at the rounding of one that has just fired, is known as well as the time: for
     one step. Of one that does not change nothing tells its zero from the rounding of a number near 1.
     """
-    stays, time = lane.fresh == 1.0, ACCURACY.rounded * plan.noise.time
+    stays, time = lane.fresh == 1.0, ACCURACY.part_of_slack * plan.noise.time
     used, kept = (), ()
     rows = zip(plan.functions.stated, lane.scales, *jax.lax.stop_gradient(values), strict=False)
     for i, (stated, scale, value, rate, terms) in enumerate(rows):

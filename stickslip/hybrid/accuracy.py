@@ -166,7 +166,7 @@ class Accuracy:
     """Of more modes only those are named that occur."""
 
     @property
-    def rounded(self) -> float:
+    def part_of_slack(self) -> float:
         """Part of the terms in parameters of which `slack` is the rounding."""
         return self.few_roundings / self.slack
 
