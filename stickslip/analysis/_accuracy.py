@@ -7,10 +7,9 @@ import dataclasses
 class Accuracy:
     """Numbers that decide in analyses; `ACCURACY` is the one object of this class."""
 
-    small_step: float = 0.05
-    """Part of the motion: a smaller difference is a step of an approach, not a jump on an attractor."""
-    large: float = 0.1
-    """Part of the size of the motion from which on a distance is not small."""
+    small: float = 0.05
+    """Part of the size of the motion: a smaller distance is small. A smaller difference is a step of an
+    approach, not a jump on an attractor."""
     unchanged: float = 1e-7
     """Part of the largest derivative: along a shift of less, it may be that nothing changes. Nothing
     does that changes by less than this part of the largest value along the motion, and components

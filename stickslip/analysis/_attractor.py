@@ -256,12 +256,10 @@ def _approach(scaled, count, quarter, p, tolerance):
     part = jnp.maximum((count - p) // 4, 1)
     parts = [largest((index >= k * part) & (index < (k + 1) * part)) for k in range(4)]
     smaller = jnp.stack([parts[k] < 0.97 * parts[k + 1] for k in range(3)]).all()
-    near = (parts[3] < ACCURACY.small_step) & (parts[0] > 0)
+    near = (parts[3] < ACCURACY.small) & (parts[0] > 0)
     half = compared & (index < (count - p + 1) // 2)
     # From round to round, not from point to point: an approach may alternate.
     before = step[jnp.minimum(index + p, room - 1)]
     pair = (half & (index < count - 2 * p))[:, None]
-    one_way = (
-        jnp.all((step * before >= 0) | ~pair) & (largest(half) < ACCURACY.small_step) & jnp.any(pair)
-    )
+    one_way = jnp.all((step * before >= 0) | ~pair) & (largest(half) < ACCURACY.small) & jnp.any(pair)
     return shrunk, long_enough & (count >= p + 12) & ((smaller & near) | one_way)

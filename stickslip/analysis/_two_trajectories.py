@@ -165,7 +165,7 @@ def two_trajectory_exponent(
     size = 0.5 * jnp.sqrt(jnp.sum((high - low) ** 2))
     status = jnp.zeros((), jnp.int32)
     for word, applies in (
-        ("saturated", jnp.any((apart > ACCURACY.large * size) & (apart > distance))),
+        ("saturated", jnp.any((apart > ACCURACY.small * size) & (apart > distance))),
         ("merged", jnp.any(merged)),
         ("failed", ~good | ~jnp.all(jnp.isfinite(apart))),
     ):

@@ -23,10 +23,8 @@ class Accuracy:
     """Part of the motions' size: an unstable motion so near to one from the border is on it; a radius
     about a motion that never repeats is at most that. Part by which deviations from an attractor decay
     over the duration, at least. Angle by which a border bends between two places [rad], and part of the
-    box that they are apart, at most."""
-    same: float = 1e-6
-    """The same: an attractor nearer to another one is that one. A tenth of it (`near`) is the part of
-    the way between two places to which a border is enclosed where it begins."""
+    box that they are apart, at most. A tenth of `ENGINE.same`, by which attractors are one, is the part
+    of the way between two places to which a border is enclosed where it begins."""
     block: int = 8 * many
     """Motions in one call of their program."""
     places: int = 4 * block

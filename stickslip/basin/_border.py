@@ -12,6 +12,7 @@ from .._types import Given
 from .._validation import check_in, check_type, refusal
 from ..continuation import Equilibrium, PeriodicOrbit
 from ..hybrid import AbstractHybridSystem, Integrator
+from ..hybrid.accuracy import ACCURACY as ENGINE
 from ._accuracy import ACCURACY
 from ._attractor import Attractor, Found, motions_at
 from ._basins import Basins, check_start, turns
@@ -112,7 +113,7 @@ def border_between(
 def is_narrow(low: float, high: float) -> bool:
     """Whether a border is enclosed to so small a part of the way between two states that shares have
     the digits they should."""
-    return high - low <= ACCURACY.same * ACCURACY.near
+    return high - low <= ENGINE.same * ACCURACY.near
 
 
 def on_border(
@@ -142,7 +143,7 @@ def _stays(lanes: Lanes, t: float, found: Found) -> bool:
     if attractor.kind == "orbit" or tube is None:
         return True
     moved = lanes(t, t + 1.0 / found.rate, tube.start, [-1])
-    return float(distances([tube], moved.y, moved.mode)[0, 0]) <= ACCURACY.same
+    return float(distances([tube], moved.y, moved.mode)[0, 0]) <= ENGINE.same
 
 
 def _nearest(one: np.ndarray, other: np.ndarray) -> np.ndarray:

@@ -10,6 +10,7 @@ from .._types import Given
 from .._validation import check_type, refusal
 from ..continuation import PeriodicOrbit
 from ..hybrid import AbstractHybridSystem, Integrator, SaveAt, simulate
+from ..hybrid.accuracy import ACCURACY as ENGINE
 from ..hybrid.components import numbers_of
 from ._accuracy import ACCURACY
 from ._basins import Basins, check_start, turns
@@ -187,12 +188,12 @@ class _Plane:
         while 0 < first < ACCURACY.many:
             # Out at once, or after a corner of the box.
             end *= 4.0 * first / len(own)
-            if end < ACCURACY.same**2 * self.settle.duration:
+            if end < ENGINE.same**2 * self.settle.duration:
                 return None
             own = self.motion(place, end)
             first = self.first_out(own)
         # Motions from both sides of it, further than the tolerance of the steps has moved it.
-        beside = ACCURACY.same * ACCURACY.near**2 * size * along
+        beside = ENGINE.same * ACCURACY.near**2 * size * along
         one, other = (self.motion(place + side * beside, end) for side in (-1.0, 1.0))
         apart = int(np.argmax(np.max(np.abs(one - other) / size, axis=1) > ACCURACY.near**2))
         through = first > 0 and not 0 < apart < first
@@ -251,7 +252,7 @@ class _Section(_Plane):
     def border(self, place: np.ndarray, along: np.ndarray, left: int, right: int) -> _Arc | None:
         """The border from a place of the edge on, or None where one that is known ends there."""
         size = np.ptp(self.limits, axis=1)
-        if any(np.max(np.abs(place - end) / size) < ACCURACY.same for end in self.ends):
+        if any(np.max(np.abs(place - end) / size) < ENGINE.same for end in self.ends):
             return None
         tangents = ((m, m.tangent_at(place)) for m in self.manifolds)
         known = next((pair for pair in tangents if pair[1] is not None), None)

@@ -10,6 +10,7 @@ from scipy.interpolate import CubicHermiteSpline
 from .._jit_by_code import jit_by_code
 from .._validation import refusal
 from ..hybrid import SaveAt, simulate
+from ..hybrid.accuracy import ACCURACY as ENGINE
 from ._accuracy import ACCURACY
 from ._lanes import Lanes, motion_of
 from ._settle import Settle
@@ -109,7 +110,7 @@ class Manifold:
 
     def nearest_place(self, place: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
         """The place on the manifold nearest to one beside it, and the tangent there."""
-        least, narrow = 0, ACCURACY.same * ACCURACY.near**2
+        least, narrow = 0, ENGINE.same * ACCURACY.near**2
         for _ in range(ACCURACY.levels):
             found = self.step_to(place, least)
             if found is None:
@@ -126,14 +127,14 @@ class Manifold:
     def tangent_at(self, place: np.ndarray) -> np.ndarray | None:
         """The tangent at a place of a border; None if the border is another one than this."""
         found = self.nearest_place(place)
-        if found is None or np.max(np.abs(found[0] - place) / self.size) > ACCURACY.same:
+        if found is None or np.max(np.abs(found[0] - place) / self.size) > ENGINE.same:
             return None
         return found[1]
 
     def follow(self, place: np.ndarray, along: np.ndarray) -> np.ndarray:
         """Places from one on the edge, along its tangent, to the first outside of the box."""
         places, tangents = [place], [along]
-        step, least = ACCURACY.near**2, ACCURACY.same
+        step, least = ACCURACY.near**2, ENGINE.same
         while len(places) == 1 or self._inside(places[-1]):
             if len(places) > ACCURACY.places:
                 allowed = f"one whose border is shorter than {len(places)} places: it may be fractal"
@@ -186,14 +187,14 @@ class Manifold:
             if not _goes_on(way, leaving, arriving):
                 raise self._no_border_at(one)
             middle = 0.5 * (one + other) + 0.125 * length * (leaving - arriving) * self.size
-            if length <= ACCURACY.same:
+            if length <= ENGINE.same:
                 found.append(todo.pop())
                 continue
             new = self.nearest_place(middle) or self._place_between(middle, leaving, length)
             todo.append((new[0], new[1] * np.sign(new[1] @ leaving)))
             # Of two halves it is a sixteenth each.
             off = float(np.linalg.norm((new[0] - middle) / self.size))
-            if off <= 16.0 * ACCURACY.same * ACCURACY.near:
+            if off <= 16.0 * ENGINE.same * ACCURACY.near:
                 found += [todo.pop(), todo.pop()]
         return np.array([place for place, _ in found]), np.array([tangent for _, tangent in found])
 

@@ -12,23 +12,20 @@ import dataclasses
 class Accuracy:
     """Numbers that decide in continuation; `ACCURACY` is the one object of this class."""
 
-    # Levels of smallness, so that one idea has one number: from rounding to what is only alike. One
-    # more is `ENGINE.zero`: jumps at an event, distances from the real axis, drifts, shares.
+    # Levels of smallness, so that one idea has one number: from rounding to what is only alike. Four
+    # more are the engine's. `slack`: singular values, entries and rates that come out of a whole
+    # computation are rounding below it, some thousand spacings of numbers. `solved`: part of the
+    # motion's size to which an orbit closes where Newton's method ends; states on which a mode insists
+    # are held to it, and balanced equations of equilibria are singular below it. `zero`: jumps at an
+    # event, distances from the real axis, drifts, shares. `same`: part of the motion's size, nearer
+    # than which two orbits are one, with room for the condition of the equations, which may lose five
+    # of the digits that are `solved`.
     short: float = 1e-13
     """Part: a last step of a search. Newton's method squares the error, secants nearly do. A component
     that moves by less of its value, some hundreds of spacings of numbers, does not move."""
-    rounding: float = 1e-12
-    """Part: singular values, entries and rates that come out of a whole computation are rounding below
-    it. Some thousand spacings of numbers: the condition of what was solved."""
-    solved: float = 1e-11
-    """Part of the motion's size to which an orbit closes where Newton's method ends. What a mode holds
-    is held to it, and balanced equations of equilibria are singular below it."""
     closes: float = 1e-8
     """Part: an orbit simulated once more returns to it, times the growth of deviations in a period;
     field and guards of the same states are the same to it a period later."""
-    known: float = 1e-6
-    """Part of the motion's size: two orbits nearer than this are one. It leaves room for the
-    condition of the equations, which may lose five of the digits that are `solved`."""
     little: float = 1e-4
     """Part: a move for differences and first secants, small against the bends of a branch, large
     against `ENGINE.zero`. An orbit whose extent has shrunk to it is at rest."""
@@ -45,8 +42,6 @@ class Accuracy:
     period that is still near its beginning."""
     longer: float = 1.5
     """Factor of the step after one that succeeded."""
-    quick: int = 4
-    """Evaluations of Newton's method, after which the next step is longer."""
     bend: float = 0.9
     """Cosine of the angle between two tangents: sharper bends get shorter steps,"""
     bend_at_rest: float = 0.95
@@ -74,16 +69,16 @@ class Accuracy:
     the branch are not waited for."""
 
     # Searches.
-    evaluations: int = 10
-    """Evaluations of Newton's method at one orbit; an equilibrium has `tries`, from farther away."""
     tries: int = 30
     """Secants, halvings, sizes (of a first orbit in powers of ten, to both sides) or evaluations at an
     equilibrium that are tried at most; periods of a forcing before a first response is looked for."""
     rounds: int = 12
-    """Times that a search begins anew from what was found."""
+    """Times that a search begins anew from what was found. Evaluations of Newton's method at one orbit;
+    an equilibrium has `tries`, from farther away."""
     few: int = 4
     """The same, where each costs several orbits, as attempts at a response do; each of these has so
-    many times the periods of the one before."""
+    many times the periods of the one before. Evaluations after which the step along a branch is longer,
+    and orbits from which a law is read off."""
     nearer: float = 2.0**-6
     """Part of what is left to which a round of bisection comes; where one round decides, it comes as
     far as four."""

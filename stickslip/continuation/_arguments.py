@@ -17,9 +17,9 @@ from .._validation import (
 )
 from ..analysis.observable import check_parameter, with_parameters
 from ..hybrid import AbstractHybridSystem, current_executor
+from ..hybrid.accuracy import ACCURACY as ENGINE
 from ..hybrid.arguments import start_of
 from ..hybrid.tree import with_float_arrays
-from ._accuracy import ACCURACY
 from ._along import Problem
 from ._beginning import beside_breaks
 from ._closing import check_autonomous
@@ -111,7 +111,7 @@ def problem_of(
         # A period that was simulated is known to some digits; a number of periods is a whole one.
         ratio = float(orbit.period) / float(forcing)
         multiple = round(ratio)
-        if multiple < 1 or abs(ratio - multiple) > ACCURACY.known:
+        if multiple < 1 or abs(ratio - multiple) > ENGINE.same:
             allowed = f"of which the orbit's period, {float(orbit.period)} s, is a multiple"
             raise refusal("forcing_period(system)", float(forcing), allowed)
     system, args = with_float_arrays((system, args))

@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ..hybrid.accuracy import ACCURACY as ENGINE
 from ._accuracy import ACCURACY
 from ._along import Problem
 from ._curves import AbstractCurve, Place, last_place, place_along, reason_of
@@ -58,7 +59,7 @@ class Border(AbstractCurve):
             ends = {}
             for k in edges:
                 one, two = (k - 1) * turn, k * turn
-                while two - one > ACCURACY.known:
+                while two - one > ENGINE.same:
                     middle = 0.5 * (one + two)
                     one, two = (
                         (middle, two) if inside(middle, radius) == there[k - 1] else (one, middle)
@@ -113,7 +114,7 @@ class Border(AbstractCurve):
             for side in (1.0, -1.0)
             for lean in (-0.3, 0.3, 1.0, 3.0)
         ]
-        for beside in decades(ACCURACY.known, ACCURACY.little):
+        for beside in decades(ENGINE.same, ACCURACY.little):
             beyond = {
                 first_difference(
                     own, events_of(self.problem, place.point, place.point.u + beside * direction)

@@ -74,7 +74,7 @@ def zero_beside(
             # The zero was not between the inner orbits: they are placed anew around it.
             if moved > 0.5 * width:
                 continue
-            if abs(zeros[0] - zeros[1]) > ACCURACY.known:
+            if abs(zeros[0] - zeros[1]) > ENGINE.same:
                 break
             found = _on(problem, before, nodes, good, zeros[0])
             return found

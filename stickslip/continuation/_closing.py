@@ -12,6 +12,7 @@ from jaxtyping import Array, Float, PyTree
 from .._validation import refusal
 from ..analysis.neutral_directions import neutral_shifts, projection_on
 from ..hybrid import AbstractHybridSystem, Integrator, SaveAt, simulate
+from ..hybrid.accuracy import ACCURACY as ENGINE
 from ..hybrid.components import components_of
 from ..hybrid.longest_step import depends_on_time
 from ._accuracy import ACCURACY
@@ -165,7 +166,7 @@ def equations(
     pieces = jnp.stack(pieces_of(jacobian, segments, count))
     changed = jnp.max(jnp.abs(pieces @ frame.shifts - frame.shifts[None]), axis=1)
     grows = jnp.maximum(jnp.max(jnp.abs(pieces), axis=(1, 2)), 1.0)
-    kept = jnp.all(changed <= ACCURACY.known * grows[:, None], axis=0)
+    kept = jnp.all(changed <= ENGINE.same * grows[:, None], axis=0)
     neutral = projection_on(jnp.where(kept[None, :], frame.shifts, 0.0))
     rows = slice((segments - 1) * count, segments * count)
     last = jacobian[rows] - neutral @ jacobian[rows] + neutral @ jnp.eye(count, u.shape[0])
@@ -201,7 +202,7 @@ def conservation_rows(
     """
     jacobian = jnp.where(jnp.isfinite(jacobian), jacobian, 0.0)
     left, strength, _ = jnp.linalg.svd(jacobian, full_matrices=False)
-    silent = jnp.where(strength <= ACCURACY.rounding * strength[0], left, 0.0)
+    silent = jnp.where(strength <= ENGINE.slack * strength[0], left, 0.0)
     return jnp.pad(silent @ silent[rows].T, ((0, 0), (0, jacobian.shape[1] - (rows.stop - rows.start))))
 
 
@@ -290,7 +291,7 @@ def _closed_by(shifts: Array, path: Float[Array, "sample size"], goes: Array) ->
     rest = path - path @ projection_on(shifts)
     span = jnp.max(rest, axis=0) - jnp.min(rest, axis=0)
     largest, rounding = (jnp.max(jnp.abs(a), axis=0) for a in (rest, ACCURACY.short * path))
-    swings = (span > ACCURACY.known * largest + rounding) & (
+    swings = (span > ENGINE.same * largest + rounding) & (
         jnp.abs(rest[-1] - rest[0]) < ACCURACY.shorter * span
     )
     turning = jnp.any(goes[:, None] & (shifts != 0.0), axis=0)

@@ -189,11 +189,9 @@ def _beside(problem: Problem, first: Point, middle: float) -> str:
     strength = np.linalg.svd(first.jacobian, compute_uv=False)
     if strength[-1] < ENGINE.zero * strength[0]:
         return family
-    if abs(first.tangent[-1]) < 0.1 * ACCURACY.known:
+    if abs(first.tangent[-1]) < 0.1 * ENGINE.same:
         then = ahead(problem, first, ACCURACY.near)
-        return (
-            family if isinstance(then, Point) and abs(then.tangent[-1]) < 0.1 * ACCURACY.known else ""
-        )
+        return family if isinstance(then, Point) and abs(then.tangent[-1]) < 0.1 * ENGINE.same else ""
     if np.any(first.orbit.neutral):
         aside = first.u.copy()
         aside[-1] += np.copysign(ACCURACY.near, middle - first.value)

@@ -108,7 +108,7 @@ def _first(field: Field, z: np.ndarray, hold: np.ndarray, span: float) -> Rest |
     measure = measure_of(np.append(np.abs(z[:-1]), span), jacobian)
     along = measure.along(tangent_of(jacobian, hold, measure))
     found = equilibrium_at(field, z, along, hold, measure)
-    return found if found is not None and abs(found.value - z[-1]) <= ACCURACY.rounding * span else None
+    return found if found is not None and abs(found.value - z[-1]) <= ENGINE.slack * span else None
 
 
 def _first_measure(family: Equilibria, first: Rest, span: float, step: float) -> Measure:

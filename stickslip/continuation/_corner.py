@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..hybrid.accuracy import ACCURACY as ENGINE
 from ._accuracy import ACCURACY
 from ._along import Problem, equations_at
 from ._family import Failure
@@ -29,7 +30,7 @@ def across(problem: Problem, last: Point, seen: Point | Failure) -> list[Point] 
     own = found.sequence.tolist()
     tangents: list[np.ndarray] = []
     # Beside the orbit, not on it: there rounding decides which of the two pieces is met.
-    for beside in decades(ACCURACY.known, ACCURACY.near):
+    for beside in decades(ENGINE.same, ACCURACY.near):
         for direction in _directions(last):
             u = last.u + beside * direction
             _, jacobian, other = jax.device_get(
@@ -39,7 +40,7 @@ def across(problem: Problem, last: Point, seen: Point | Failure) -> list[Point] 
                 continue
             tangent = tangent_of(jacobian, None)
             # A piece that was seen from another side already has the same tangent.
-            if tangent is None or any(abs(tangent @ t) > 1.0 - ACCURACY.known for t in tangents):
+            if tangent is None or any(abs(tangent @ t) > 1.0 - ENGINE.same for t in tangents):
                 continue
             tangents.append(tangent)
             # So far from the border, in parts of the motion's size, the first orbit behind it may lie.
@@ -79,7 +80,7 @@ def led_back(problem: Problem, last: Point, new: Point) -> list[Point] | None:
         return None
     outwards = [point.backward() for point in reversed(way)]
     # The branch itself, back again, with events that only rounding makes of it.
-    return None if outwards[0].tangent @ last.tangent < ACCURACY.known - 1.0 else outwards
+    return None if outwards[0].tangent @ last.tangent < ENGINE.same - 1.0 else outwards
 
 
 def _nearer(problem: Problem, last: Point, point: Point, left: float) -> Point | None:

@@ -78,7 +78,7 @@ class Place:
         """
         chord = point.u - self.point.u
         length = np.linalg.norm(chord)
-        if length < ACCURACY.known:
+        if length < ENGINE.same:
             return place_along(self, point, self.way, steep)
         chord = chord / length
         return place_along(self, point, 2.0 * (chord @ self.way) * chord - self.way, steep)

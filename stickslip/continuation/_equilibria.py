@@ -63,9 +63,9 @@ def pairs(rest: Rest) -> float:
 
 
 OWN = (
-    Test("BP", crossing, zero=ACCURACY.rounding, odd=True),
-    Test("HB", pairs, zero=ACCURACY.solved),
-    Test("LP", turning, zero=ACCURACY.rounding, odd=True),
+    Test("BP", crossing, zero=ENGINE.slack, odd=True),
+    Test("HB", pairs, zero=ENGINE.solved),
+    Test("LP", turning, zero=ENGINE.slack, odd=True),
 )
 
 
@@ -158,7 +158,7 @@ class Equilibria(AbstractFamily):
         crossed = [event.point for event in found if event.label == "BP"]
         if test.label == "LP" and crossed:
             rate = turning(crossed[0])
-            if abs(rate) <= ACCURACY.known:
+            if abs(rate) <= ENGINE.same:
                 return None
             at = float(before.measure.along(before.tangent) @ (crossed[0].z - before.z))
             known[at] = crossed[0]
@@ -273,7 +273,7 @@ def _singular(field: Field, z: np.ndarray, measure: Measure) -> np.ndarray | Non
         longest = float(np.max(np.abs(np.concatenate([parts, move[n + 1 :]]))))
         if longest <= ACCURACY.short or (longest <= ENGINE.zero and longest >= 0.5 * before):
             least = np.linalg.svd(measure.balance(field(z)[1]), compute_uv=False)[-1]
-            return z if abs(beta) <= ENGINE.zero and least <= ACCURACY.known else None
+            return z if abs(beta) <= ENGINE.zero and least <= ENGINE.same else None
         before = longest
     return None
 

@@ -168,7 +168,7 @@ def _greatest(
         at = jnp.asarray(INSIDE)[place] * h
         gap = (INSIDE[1] - INSIDE[0]) * h
         begun = (at, at - gap, at + gap, jnp.asarray(-jnp.inf))
-        return jax.lax.fori_loop(0, ACCURACY.evaluations, body, begun)[-1]
+        return jax.lax.fori_loop(0, ACCURACY.rounds, body, begun)[-1]
 
     def going(carry):
         return jnp.any(carry[-1])

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float, Int
 
-from ._accuracy import ACCURACY
+from ..hybrid.accuracy import ACCURACY as ENGINE
 
 
 def nonzero_first(multipliers: Complex[Array, " size"]) -> Complex[Array, " size"]:
@@ -32,7 +32,7 @@ def multipliers_of(matrix: Float[Array, "size size"], rank: Any) -> Complex[Arra
         matrix, rank, block, largest, _ = state
         left, strength, right = jnp.linalg.svd(matrix)
         largest = jnp.maximum(largest, strength[0])  # that of the first round
-        kept = (index < rank) & (strength > ACCURACY.rounding * largest)
+        kept = (index < rank) & (strength > ENGINE.slack * largest)
         small = (strength[:, None] * right) @ left
         matrix = jnp.where(kept[:, None] & kept[None, :], small, 0.0)
         rank = jnp.sum(kept, dtype=jnp.int32)

@@ -252,11 +252,11 @@ def _response(
         away = residual_at_place(away, found.u, frame, jax.lax.stop_gradient(carried.neutral))
         known = jnp.isfinite(found.norm) & jnp.all(jnp.isfinite(found.jacobian))
         # Nothing can be solved, nor need be, where friction holds everything wherever it is.
-        rank = jnp.linalg.matrix_rank(jnp.where(known, found.jacobian, 0.0), ACCURACY.rounding)
+        rank = jnp.linalg.matrix_rank(jnp.where(known, found.jacobian, 0.0), ENGINE.slack)
         good = known & (rank == flat.size)
         jacobian = jnp.where(good, found.jacobian, jnp.eye(flat.size))
         step = -jnp.linalg.solve(jacobian, jnp.where(good, away, 0.0))
-        small = jnp.all(jnp.abs(step) <= ACCURACY.known)
+        small = jnp.all(jnp.abs(step) <= ENGINE.same)
         step = jnp.where(small, step, 0.0)
         # Components that stay as they are do so to the last digit: their size is their value.
         still = jnp.abs(found.u - flat / frame.size) <= ACCURACY.short
@@ -309,17 +309,17 @@ def _in_one_mode(motion: Motion, y0: PyTree, mode0: Any, t0: Any, period: Any) -
     flat, unravel = ravel_pytree(y0)
     alone = motion._replace(system=InOneMode(motion.system, mode0))
     _, frame, found, _ = solve_orbit(
-        alone, y0, jnp.zeros((), jnp.int32), t0, period, jnp.full(flat.shape, jnp.nan), ACCURACY.solved,
+        alone, y0, jnp.zeros((), jnp.int32), t0, period, jnp.full(flat.shape, jnp.nan), ENGINE.solved,
         forced=True, segments=1, max_steps=ACCURACY.few, shifts=False,
     )  # fmt: skip
     still = jnp.abs(found.u - flat / frame.size) <= ACCURACY.short
-    linear = found.norm <= ACCURACY.solved
+    linear = found.norm <= ENGINE.solved
     return unravel(jnp.where(linear & ~still, found.u * frame.size, flat))
 
 
 def _is_reached(found: Newton) -> Any:
-    rounding = found.stalled & (found.norm <= ACCURACY.stalled * ACCURACY.solved)
-    return (found.norm <= ACCURACY.solved) | rounding
+    rounding = found.stalled & (found.norm <= ACCURACY.stalled * ENGINE.solved)
+    return (found.norm <= ENGINE.solved) | rounding
 
 
 def _solution_after_transient(
@@ -344,7 +344,7 @@ def _solution_after_transient(
         y0, mode0 = jax.lax.fori_loop(0, runs, lambda _, state: after(*state), (y0, mode0))
         size = ravel_pytree(y0)[0].shape
         _, frame, found, _ = solve_orbit(
-            motion, y0, mode0, t0, period, jnp.full(size, jnp.nan), ACCURACY.solved,
+            motion, y0, mode0, t0, period, jnp.full(size, jnp.nan), ENGINE.solved,
             forced=True, segments=1, max_steps=ACCURACY.tries,
         )  # fmt: skip
         return y0, mode0, frame._replace(free=(), turn=()), found

@@ -18,6 +18,7 @@ from .._types import Given, Named, Row
 from .._validation import check_in, check_increasing, check_known, check_type, one_row, refusal
 from ..analysis.observable import with_parameters
 from ..hybrid import AbstractHybridSystem, current_executor
+from ..hybrid.accuracy import ACCURACY as ENGINE
 from ..hybrid.arguments import the_system
 from ..hybrid.tree import with_float_arrays
 from ..progress import showing
@@ -170,7 +171,7 @@ class FrequencyResponse(eqx.Module):
 
         rough: Any = minimize_scalar(
             lambda at: -height(at), bounds=(low, high), method="bounded",
-            options={"xatol": ACCURACY.known * (high - low)},
+            options={"xatol": ENGINE.same * (high - low)},
         )  # fmt: skip
         at = float(rough.x)
         # The top of a smooth curve is known to the root of rounding; the zero of its slope better.
@@ -179,9 +180,9 @@ class FrequencyResponse(eqx.Module):
             nodes = at + reach * np.cos(np.pi * (np.arange(9) + 0.5) / 9)
             heights = [height(node) for node in nodes]
             curve = Chebyshev.fit(nodes, heights, 6, domain=(at - reach, at + reach))
-            zeros = [z.real for z in curve.deriv().roots() if abs(z.imag) < ACCURACY.known * reach]
+            zeros = [z.real for z in curve.deriv().roots() if abs(z.imag) < ENGINE.same * reach]
             polished = min(zeros, key=lambda z: abs(z - at), default=at)
-            if height(polished) >= max(*heights, height(at)) * (1.0 - ACCURACY.rounding):
+            if height(polished) >= max(*heights, height(at)) * (1.0 - ENGINE.slack):
                 at = float(polished)
         return at, found(at)
 
@@ -320,7 +321,7 @@ def _along(
         found = [solver.beside(*both) for both in zip(values, orbits, strict=True)]
         return values, sequences, found
     for end, bound in ((0, row[0]), (-1, row[-1])):
-        if abs(values[end] - bound) <= ACCURACY.known * (row[-1] - row[0]):
+        if abs(values[end] - bound) <= ENGINE.same * (row[-1] - row[0]):
             values[end] = float(bound)
     # Folds are ends of the pieces that are searched for values of the row.
     for special in reversed(branch["LP"]):

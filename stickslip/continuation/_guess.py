@@ -34,6 +34,7 @@ from ..hybrid import (
     simulate,
     use_executor,
 )
+from ..hybrid.accuracy import ACCURACY as ENGINE
 from ..hybrid.arguments import a_time, check_field, start_of, the_system
 from ..hybrid.longest_step import spanning
 from ..hybrid.same_system import AbstractSameSystem
@@ -228,7 +229,7 @@ def _guess(
     away = jnp.max(jnp.abs(apart(states - flat[None, :], neutral, turn) / size[None, :]), axis=1)
     away = jnp.where(jnp.isfinite(away), away, jnp.inf)
     # A return as near as two orbits are to be one is a return in any case, also if others are nearer.
-    good = jnp.isfinite(away) & (away <= jnp.maximum(ACCURACY.as_near * jnp.min(away), ACCURACY.known))
+    good = jnp.isfinite(away) & (away <= jnp.maximum(ACCURACY.as_near * jnp.min(away), ENGINE.same))
     period = jnp.where(jnp.any(good), after[jnp.argmax(good)], jnp.nan)
 
     # From the middle of the longest time without an event.

@@ -12,7 +12,6 @@ from ..hybrid.arguments import first_mode
 from ..hybrid.event_functions import guards_over_magnitudes
 from ..hybrid.system import guard_directions, mode_type
 from ..hybrid.tree import frozen
-from ._accuracy import ACCURACY
 
 
 def _constraints(system: AbstractHybridSystem, t, flat, unravel, mode, args) -> Array | None:
@@ -70,7 +69,7 @@ def own_mode(
     if values is None or not system.guard_names:
         return own
     normals = jax.jacfwd(lambda z: _constraints(system, t, z, unravel, mode, args))(flat)
-    held = jnp.all(jnp.abs(values) <= ACCURACY.solved * (jnp.abs(normals) @ size))
+    held = jnp.all(jnp.abs(values) <= ENGINE.solved * (jnp.abs(normals) @ size))
     guards = guards_over_magnitudes(system, t, unravel(flat), mode, args)
     sides = jnp.asarray([-1.0 if d == "rising" else 1.0 for d in guard_directions(system)])
     both = jnp.asarray([d == "both" for d in guard_directions(system)])

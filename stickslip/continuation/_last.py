@@ -77,13 +77,13 @@ def endless(points: list[Point], unit: float) -> tuple[str, bool]:
     begin = int(turns[-1]) + 1 if turns.size else 0
     period, value = period[begin:], value[begin:]
     # Steps of the parameter that are more than its rounding.
-    moved = np.abs(np.diff(value)) > ACCURACY.rounding * unit
+    moved = np.abs(np.diff(value)) > ENGINE.slack * unit
     count = int(np.argmin(moved)) if not moved.all() else moved.size
     period, value, stopped = period[: count + 1], value[: count + 1], count < moved.size
     early = np.flatnonzero(period < period[-1] / ACCURACY.strays)
-    if not early.size or period.size <= ACCURACY.quick:
+    if not early.size or period.size <= ACCURACY.few:
         return "", False
-    begin = min(int(early[-1]) + 1, period.size - ACCURACY.quick - 1)
+    begin = min(int(early[-1]) + 1, period.size - ACCURACY.few - 1)
     period, value = period[begin:], value[begin:]
     change = np.diff(value)
     if not (np.all(change > 0.0) or np.all(change < 0.0)):
@@ -100,12 +100,12 @@ def endless(points: list[Point], unit: float) -> tuple[str, bool]:
         if kind == "saddle" and -slope * period[-1] > ACCURACY.steep:
             left = way / -slope * np.exp(slope * (period[-1] - middle[-1]))
             return _words("a saddle", value[-1] + left), stopped or bool(
-                abs(left) <= ACCURACY.known * unit
+                abs(left) <= ENGINE.same * unit
             )
         # The rate goes as the third power there: the parameter as the second.
         if kind == "SNIC" and abs(slope + 3.0) <= ACCURACY.swerves:
             left = 0.5 * way * middle[-1] ** 3 / period[-1] ** 2
-            over = bool(abs(left) <= ACCURACY.known * unit)
+            over = bool(abs(left) <= ENGINE.same * unit)
             return _words("a saddle-node, SNIC", value[-1] + left), over
     return "", False
 

@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ..hybrid.accuracy import ACCURACY as ENGINE
 from ._accuracy import ACCURACY
 
 
@@ -47,7 +48,7 @@ def newton(
         left, strength, right = jnp.linalg.svd(jnp.where(jnp.isfinite(jacobian), jacobian, 0.0))
         # Directions that do not change the residual are left alone: the step of least length is taken
         # where a whole family of orbits solves the equations.
-        kept = strength > ACCURACY.rounding * strength[0]
+        kept = strength > ENGINE.slack * strength[0]
         along = (left.T @ residual) / jnp.where(kept, strength, 1.0)
         return -right.T @ jnp.where(kept, along, 0.0)
 

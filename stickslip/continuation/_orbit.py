@@ -16,7 +16,6 @@ from ..hybrid import AbstractHybridSystem, EventLog
 from ..hybrid.accuracy import ACCURACY as ENGINE
 from ..hybrid.components import components_of, numbers_of
 from ..hybrid.status import describe_flags
-from ._accuracy import ACCURACY
 from ._outcome import ORBITS
 
 
@@ -195,7 +194,7 @@ def silent_directions(monodromy: Given[Float[Array, "*batch size size"]]) -> Any
     whole = np.eye(monodromy.shape[-1]).reshape(*(1,) * (monodromy.ndim - 2), *monodromy.shape[-2:])
     away = xp.where(xp.isfinite(monodromy), monodromy, 0.0) - whole
     strength = xp.linalg.svd(away, compute_uv=False)
-    return xp.sum(strength <= ACCURACY.rounding * strength[..., :1], axis=-1, dtype=np.int32)
+    return xp.sum(strength <= ENGINE.slack * strength[..., :1], axis=-1, dtype=np.int32)
 
 
 def _numpy_of(array: Any) -> Any:

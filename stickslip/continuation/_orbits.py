@@ -80,7 +80,7 @@ class Orbits(AbstractFamily):
         return leaps(point, new, distance)
 
     def is_quick(self, new: Point) -> bool:
-        return new.evaluations <= ACCURACY.quick
+        return new.evaluations <= ACCURACY.few
 
     def length(self, one: Point, other: Point) -> float:
         return float(np.linalg.norm(other.u - one.u)) if one.u.shape == other.u.shape else np.inf

@@ -83,8 +83,8 @@ def periodic_orbit(
       guess is that of the forcing, or a multiple of it, and is kept.
     - `shooting`: a `Shooting`. An orbit that is too unstable to be simulated to a hundredth of its
       size, with multipliers above some 1e9, is `not_reproduced`, with however many `segments`.
-    - `tolerance`: of the residual, in parts of the motion's size. `max_steps`: evaluations of the
-      return map.
+    - `tolerance`: of the residual, in parts of the motion's size; more where the rounding of `t0`, in
+      parts of the period, is. `max_steps`: evaluations of the return map.
 
     **Returns** a `PeriodicOrbit`; `result` says, also under `jit`, `vmap` and `map_lanes`, whether it
     is one. The orbit was simulated once more from a state on it, in the mode that the system itself
@@ -130,6 +130,8 @@ def _orbit(
     _, unravel = ravel_pytree(y0)
     with use_executor(execute):
         t0, y0, mode0 = beside_breaks(system, args, spanning(integrator, period), t0, y0, mode0)
+        # No orbit closes to less than the rounding of the time, a part of the period.
+        tolerance = jnp.maximum(tolerance, ENGINE.some_roundings * jnp.abs(t0) / period)
         solved = solve_orbit(
             Motion(system, args, integrator), y0, mode0, t0, period, gained, tolerance, forced=forced,
             segments=segments, max_steps=max_steps,
@@ -334,7 +336,7 @@ def _free_shifts(shifts, neutral, on_set):
     deviation of it is none of the motion, and its multiplier is 0.
     """
     left = jnp.maximum(jnp.abs(neutral @ shifts - shifts), jnp.abs(on_set @ shifts - shifts))
-    return projection_on(jnp.where(jnp.max(left, axis=0) <= ACCURACY.known, shifts, 0.0))
+    return projection_on(jnp.where(jnp.max(left, axis=0) <= ENGINE.same, shifts, 0.0))
 
 
 def _rates(system, t, y, mode, args):
@@ -390,5 +392,5 @@ def _repeats(states, unit, neutral, turn, strength, closing, multipliers):
     from_one = jnp.abs(1.0 - multipliers)
     weakest = jnp.min(jnp.where(from_one > 0.0, from_one, jnp.inf), initial=1.0)
     near = jnp.maximum(ACCURACY.closes * strength ** (1.0 / numbers), 2.0 * closing / weakest)
-    near = jnp.minimum(near, ACCURACY.known)
+    near = jnp.minimum(near, ENGINE.same)
     return jnp.max(jnp.where(away <= near, numbers, np.int32(1)))

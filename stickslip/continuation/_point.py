@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..hybrid import SaveAt, simulate
+from ..hybrid.accuracy import ACCURACY as ENGINE
 from ._accuracy import ACCURACY
 from ._along import Anchor, Problem, anchor_at, equations_at, orbit_at, system_at
 from ._family import Failure
@@ -112,25 +113,25 @@ def begin(problem: Problem, orbit: PeriodicOrbit | OrbitGuess, value: Any) -> Po
 
 def correct(
     problem: Problem, u: np.ndarray, modes: Any, anchor: Anchor, along: np.ndarray,
-    sense: np.ndarray | None, tolerance: float = ACCURACY.solved,
+    sense: np.ndarray | None, tolerance: float = ENGINE.solved,
 ) -> Point | Failure:  # fmt: skip
     """Newton's method in the plane through `u` perpendicular to `along`, or to each of its rows; the
     orbit is simulated again."""
     start, best = u, np.inf
-    for evaluation in range(1, ACCURACY.evaluations + 1):
+    for evaluation in range(1, ACCURACY.rounds + 1):
         residual, jacobian, found = jax.device_get(equations_at(problem, jnp.asarray(u), modes, anchor))
         if not np.all(found.good) or not np.all(np.isfinite(residual)):
             return Failure("guess_failed")
         norm = float(np.max(np.abs(residual)))
         if norm <= tolerance or (norm < ACCURACY.stalled * tolerance and norm > 0.5 * best):
             break
-        if norm > ACCURACY.far * best or evaluation == ACCURACY.evaluations:
+        if norm > ACCURACY.far * best or evaluation == ACCURACY.rounds:
             return Failure("not_converged")
         best = min(best, norm)
         system = np.vstack([jacobian, along])
         right = np.append(residual, along @ (u - start))
         try:
-            step = np.linalg.lstsq(system, right, rcond=ACCURACY.rounding)[0]
+            step = np.linalg.lstsq(system, right, rcond=ENGINE.slack)[0]
         except np.linalg.LinAlgError:
             return Failure("singular")
         if not np.all(np.isfinite(step)):
@@ -169,16 +170,16 @@ def _in_family(problem: Problem, point: Point, found: Point, there: np.ndarray) 
     slips, these move it, and the orbit would stick up to elsewhere than the others of its branch.
     """
     away = _moved_in_family(found, there)
-    if not np.any(np.abs(away) > ACCURACY.solved):
+    if not np.any(np.abs(away) > ENGINE.solved):
         return found
     rows = np.vstack([found.jacobian, point.tangent])
     right = np.append(away, np.zeros(len(rows) - away.size))
-    back = found.u - np.linalg.lstsq(rows, right, rcond=ACCURACY.rounding)[0]
+    back = found.u - np.linalg.lstsq(rows, right, rcond=ENGINE.slack)[0]
     again = correct(problem, back, found.modes, found.anchor, point.tangent, point.tangent)
     if isinstance(again, Failure) or again.sequence != point.sequence:
         return Failure("not_converged")
     away = _moved_in_family(again, there)
-    return Failure("not_converged") if np.any(np.abs(away) > ACCURACY.solved) else again
+    return Failure("not_converged") if np.any(np.abs(away) > ENGINE.solved) else again
 
 
 def _moved_in_family(found: Point, there: np.ndarray) -> np.ndarray:
@@ -197,7 +198,7 @@ def is_astray(found: Point | Failure, expected: np.ndarray, distance: float, mos
     """Whether an orbit is farther from where it was expected than so many steps."""
     if isinstance(found, Failure):
         return False
-    return bool(np.linalg.norm(found.u - expected) > most * abs(distance) + ACCURACY.known)
+    return bool(np.linalg.norm(found.u - expected) > most * abs(distance) + ENGINE.same)
 
 
 def leaps(point: Point, new: Point, distance: float) -> bool:

@@ -245,12 +245,12 @@ def tangent_of(jacobian: np.ndarray, sense: np.ndarray, measure: Measure) -> np.
     """Null vector of the derivative, of length one."""
     _, found, right = np.linalg.svd(measure.balance(jacobian))
     # At a branch point there is a plane of them: the tangent is what the one before has in it.
-    none = 1 + int(np.sum(found <= ACCURACY.solved * max(found[0], 1e-300)))
+    none = 1 + int(np.sum(found <= ENGINE.solved * max(found[0], 1e-300)))
     null, own = right[-none:], sense / measure.columns
     vector = null[-1] if none == 1 else (null @ own) @ null
     if not np.any(vector):
         vector = null[-1]
-    vector = np.where(np.abs(vector) <= ACCURACY.rounding * np.max(np.abs(vector)), 0.0, vector)
+    vector = np.where(np.abs(vector) <= ENGINE.slack * np.max(np.abs(vector)), 0.0, vector)
     return of_length_one(vector * measure.columns, sense, measure)
 
 

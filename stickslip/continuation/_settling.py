@@ -28,7 +28,7 @@ def settles(motion: Motion, frame: Frame, found: Newton, unravel: Any, mode: Any
     def nearer(_, state):
         return state - unit * jnp.linalg.solve(jax.jacfwd(field)(state) * unit[None, :], field(state))
 
-    rest = jax.lax.fori_loop(0, ACCURACY.evaluations, nearer, y[0])
+    rest = jax.lax.fori_loop(0, ACCURACY.rounds, nearer, y[0])
     begins, ends = (y - rest[None, :]) / unit[None, :], (carried.ends - rest[None, :]) / unit[None, :]
     pieces = carried.pieces
     # Within a small ball about the equilibrium the linear motion explains nearly all of the way.

@@ -101,7 +101,7 @@ def _doubling(problem: Problem, point: Point) -> Point | None:
             return None
         slope = (doubling(new) - value) / step
         value, at, best = doubling(new), at + step, new
-        if value == 0.0 or abs(step) <= ACCURACY.rounding:
+        if value == 0.0 or abs(step) <= ENGINE.slack:
             return best
         step = -value / slope if slope != 0.0 else np.inf
         if not abs(at + step) <= ACCURACY.swerves:

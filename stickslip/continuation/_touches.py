@@ -5,7 +5,6 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..hybrid.accuracy import ACCURACY as ENGINE
-from ._accuracy import ACCURACY
 from ._along import Problem, events_along
 from ._point import Point
 
@@ -16,7 +15,7 @@ def decades(first: float, last: float) -> list[float]:
 
 
 # How far beside an orbit that touches a guard, as well as it is known, motions have other events.
-TOUCHING = decades(ENGINE.zero, ACCURACY.known)
+TOUCHING = decades(ENGINE.zero, ENGINE.same)
 
 
 def events_of(problem: Problem, point: Point, u: np.ndarray) -> list | None:

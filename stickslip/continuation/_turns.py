@@ -9,6 +9,7 @@ from jaxtyping import Array, Float, PyTree
 
 from .._validation import MOST, check_mapping, refusal, whole_number
 from ..hybrid import AbstractHybridSystem
+from ..hybrid.accuracy import ACCURACY as ENGINE
 from ..hybrid.components import components_of, period_of
 from ._accuracy import ACCURACY
 
@@ -70,7 +71,7 @@ def whole_turns(
             jnp.square(rests - jnp.round(rests)) @ jnp.diag(held.astype(rests.dtype)), axis=-1
         )
         # Of counts that leave the same the first is taken.
-        best = jnp.argmax(off <= jnp.min(off, axis=0, keepdims=True) + ACCURACY.known, axis=0)
+        best = jnp.argmax(off <= jnp.min(off, axis=0, keepdims=True) + ENGINE.same, axis=0)
         rest = jnp.take_along_axis(rests, best[None, ..., None], axis=0)[0]
     return jnp.where(is_angle.reshape(row) & jnp.isfinite(rest), jnp.round(rest), 0.0)
 

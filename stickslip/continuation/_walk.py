@@ -141,7 +141,7 @@ class _Watch:
         found = self.family.others(leg, found)
         far = {id(event): self.family.length(leg.before, event.point) for event in found}
         ends = [far[id(event)] for event in found if event.ends]
-        last = min(ends, default=np.inf) * (1.0 + ACCURACY.known) + ACCURACY.known**2
+        last = min(ends, default=np.inf) * (1.0 + ENGINE.same) + ENGINE.same**2
         found = sorted(found, key=lambda event: (far[id(event)], event.ends))
         kept = [event for event in found if not event.ends and far[id(event)] <= last]
         return kept + [event for event in found if event.ends][:1]
@@ -207,7 +207,7 @@ class _Watch:
         assert test.level is not None
         number, value = test.level
         low, high = self.bounds[number]
-        near = bool(abs(point.values[number] - value) <= ACCURACY.known * (high - low))
+        near = bool(abs(point.values[number] - value) <= ENGINE.same * (high - low))
         words = test.words if near else f"{test.words}: not reached, the next orbit is beyond"
         return Event("EP", point, words, ends=True, located=near)
 

@@ -17,9 +17,7 @@ from stickslip.friction.law import (
     check_law,
     in_dtype_of,
 )
-
-# A law whose branch starts at its static coefficient may miss it by rounding.
-_ROUNDING = 1e-12
+from stickslip.hybrid.accuracy import ACCURACY as ENGINE
 
 
 class AbstractBristleLaw(AbstractSmoothedLaw):
@@ -65,6 +63,7 @@ def has_breakaway_jump(law: AbstractFrictionLaw) -> bool:
         return False
     with jax.ensure_compile_time_eval():  # the law may be known where its stiffness is traced
         return any(
-            bool((law.breakaway_jump(sense) > _ROUNDING * law.static_coefficient(sense)).any())
+            # A law whose branch starts at its static coefficient may miss it by rounding.
+            bool((law.breakaway_jump(sense) > ENGINE.slack * law.static_coefficient(sense)).any())
             for sense in (1, -1)
         )

@@ -117,7 +117,7 @@ def crossed_sections(
             if not meets:
                 crossed = (*crossed, jnp.zeros_like(beyond))
                 continue
-            near = jnp.abs(value) <= -rate * ACCURACY.section_tolerance * full
+            near = jnp.abs(value) <= -rate * ACCURACY.same * full
             beyond = beyond | (near & (code >= SECTION))
         begins = _locate.begins_inside(value0, rate0, rate) & ((value0 > 0) | (lane.h > 0))
         crossed = (*crossed, is_accepted(code) & begins & beyond)

@@ -166,8 +166,7 @@ def _kick(plan: Plan, mode, index, t, y, *, problem):
     # In one batch: the field is in the program once for both sides.
     slopes = jax.vmap(look)(jnp.stack([mode, system.transition(t, y, mode, index, args)[1]]))
     return tuple(
-        _differs(a, level)
-        for a, level in zip(slopes, (ACCURACY.jump_of_field, ACCURACY.zero), strict=True)
+        _differs(a, level) for a, level in zip(slopes, (ACCURACY.jump, ACCURACY.zero), strict=True)
     )
 
 

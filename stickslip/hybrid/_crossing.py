@@ -166,7 +166,7 @@ def _search(plan: Plan, problem, section: Section, row: Starts) -> tuple[Any, Py
         value, rate, value0, rate0 = (sign * a for a in (*found, *start))
         on_zero = on_zero | ((value0 < 0) & (rate0 > 0))
         value0 = jnp.where(on_zero, jnp.maximum(value0, 0.0), value0)
-        near = jnp.abs(value) <= -rate * ACCURACY.section_tolerance * row.h
+        near = jnp.abs(value) <= -rate * ACCURACY.same * row.h
         collapsed = _locate.is_collapsed(bracket, row.t, row.h)
         # Whether the step crosses was decided in the run; here rounding may see it otherwise.
         inside = (value0 > 0) | on_zero

@@ -33,7 +33,7 @@ class Verdict(NamedTuple):
     jumps: Any  # whether one jumps in a step too short to be cut
 
 
-JUMPS = 4.0 * ACCURACY.doubt_largest
+JUMPS = 4.0 * ACCURACY.most
 
 
 class _Course(NamedTuple):
@@ -115,7 +115,7 @@ def _verdict(found: list[_Looked], short: Any) -> Any:
         worst = jnp.where(larger, other.mismatch, worst)
         room = jnp.where(larger, other.room, room)
         jumps = jumps | other.jumps
-    doubt = jnp.minimum(ACCURACY.doubt_certain * worst / room, ACCURACY.doubt_largest)
+    doubt = jnp.minimum(ACCURACY.doubt_certain * worst / room, ACCURACY.most)
     doubt = jnp.where(short, jnp.where(jumps, JUMPS, 0.0), doubt)
     return jnp.where(place > 0, -place, doubt)
 
@@ -155,7 +155,7 @@ def _mismatch(course: _Course, rounding: Any) -> tuple[Any, Any]:
         size = jnp.maximum(size, jnp.abs(value))
     # Of a straight line the mismatch is rounding, and at zero room it would still be a doubt. Rounding
     # of the time is rounding of what changes with it.
-    return jnp.where(mismatch <= ACCURACY.value_rounding * size + rounding, 0.0, mismatch), size
+    return jnp.where(mismatch <= ACCURACY.slack * size + rounding, 0.0, mismatch), size
 
 
 def _room(course: _Course) -> Any:
@@ -187,7 +187,7 @@ def _beyond(course: _Course, mismatch: Any, section: Any, slack: Any, short: Any
     left, middle, right = v0 * b2 - b1 * b1, v0 * v1 - b1 * b2, b1 * v1 - b2 * b2
     dips = (jnp.minimum(b1, b2) < -slack) & (4.0 * left * right > middle * middle)
     begins = (v0 > 0) | ((v0 >= -slack) & (a > 0))
-    back = (v1 >= 0) | (v1 >= ACCURACY.ends_on_zero * b)
+    back = (v1 >= 0) | (v1 >= ACCURACY.reach * b)
     cut = dips & back
     if section is not False:
         # Three zeros of the cubic need coefficients of changing sign, and three it may have.

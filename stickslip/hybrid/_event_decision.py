@@ -265,14 +265,14 @@ def _what_fires(plan: Plan, lane: Lane, h: Any, first: First, code: Any) -> Any:
     free, fresh = b.tries == 0, lane.fresh == 1.0
     guards = is_guard(functions, first)
     rate = first.rate
-    tolerance = jnp.where(guards, ACCURACY.solved, ACCURACY.section_tolerance)
+    tolerance = jnp.where(guards, ACCURACY.solved, ACCURACY.same)
     full = jnp.where(free, h, lane.full)
     # A short step late in a run cannot be divided further than the time can be told. The correction
     # must be small against the step that led here too: a hop may be tiny.
     fine = jnp.maximum(tolerance * full, ACCURACY.rounding * jnp.abs(lane.t))
     # But what is within the rounding of the time is near: a step may have ended on the very zero, at a
     # time asked for, and the next one begins there.
-    least = jnp.maximum(ACCURACY.correction_reach * h, ACCURACY.rounding * jnp.abs(lane.t))
+    least = jnp.maximum(ACCURACY.reach * h, ACCURACY.rounding * jnp.abs(lane.t))
     reach = jnp.where(h == 0, tolerance * full, jnp.minimum(fine, least))
     near = jnp.abs(first.value) <= -rate * reach
     if functions.num_guards:

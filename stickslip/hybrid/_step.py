@@ -140,7 +140,7 @@ def _sudden_shortening(plan: Plan, lane: Lane, error):
     its derivative by the time of the jump is lost.
     """
     fits = (lane.status == RUNNING) & (lane.h > 0) & (lane.bracket.tries == 0) & (error <= 1.0)
-    jumps = fits & (lane.h < ACCURACY.sudden * lane.peak) & (error > 1e-3)
+    jumps = fits & (lane.h < ACCURACY.jump * lane.peak) & (error > 1e-3)
     peak = jnp.where(fits, jnp.maximum(lane.h, ACCURACY.forgets * lane.peak), lane.peak)
     return peak, flags_with(lane.flags, flag(jumps, DISCONTINUOUS), lane.t + lane.h)
 
@@ -203,7 +203,7 @@ def _rescale(plan: Plan, lane: Lane, values: Values) -> tuple[tuple, Values, Val
     always been zero, or at the rounding of one that has just fired, is known as well as the time: for
     one step. Of one that does not change nothing tells its zero from the rounding of a number near 1.
     """
-    stays, time = lane.fresh == 1.0, ACCURACY.rounded * plan.noise.time
+    stays, time = lane.fresh == 1.0, ACCURACY.part_of_slack * plan.noise.time
     used, kept = (), ()
     rows = zip(plan.functions.stated, lane.scales, *jax.lax.stop_gradient(values), strict=False)
     for i, (stated, scale, value, rate, terms) in enumerate(rows):

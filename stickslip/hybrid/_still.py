@@ -45,7 +45,7 @@ def too_still(
         seen = jnp.minimum(seen, ACCURACY.seen_motion * jnp.maximum(size, by_others))
         moved = jnp.maximum(jnp.abs(b - a), mean_step * jnp.maximum(jnp.abs(da), jnp.abs(db)))
         still = still & jnp.all(moved <= seen)
-    longest = ACCURACY.still_step ** (1.0 / plan.stepper.order())
+    longest = ACCURACY.loose ** (1.0 / plan.stepper.order())
     # A run shorter than one over the rate is right even in one step.
     return still & (lasts * rate > 1.0) & (mean_step * rate > longest)
 

@@ -288,7 +288,7 @@ def step_excess(watched: tuple[Watched, ...], h: Any, longest: Any, ends: Ends, 
         y0, y1, dy0, dy1 = (jnp.ravel(leaf[one.leaf]) for leaf in leaves)
         moved, size = jnp.abs(y1 - y0), jnp.maximum(jnp.abs(y0), jnp.abs(y1))
         bend = jnp.abs(y1 - y0 - 0.5 * h * (dy0 + dy1))
-        even = (bend <= ACCURACY.even * moved + ACCURACY.rounding * size) & (
+        even = (bend <= ACCURACY.same * moved + ACCURACY.rounding * size) & (
             moved > ACCURACY.slack * size
         )
         way, free, hides = np.asarray(one.way), np.asarray(one.free), np.asarray(one.hides)

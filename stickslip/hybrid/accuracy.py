@@ -15,13 +15,13 @@ class Accuracy:
     solved: float = 1e-11
     """Part of the full step: an event whose last Newton correction is this small is accepted. The
     correction is applied, so that its square is the error of the location. Part of the motion to which
-    stage equations of implicit methods are solved where no tolerance says it."""
-    section_tolerance: float = 1e-6
-    """The same for sections, which are corrected after the run with their exact rate."""
+    stage equations of implicit methods are solved where no tolerance says it. Part of all forces:
+    overloads below it are rounding in the search for what slides."""
     bisect_every: int = 8
     """Tries between two bisections: steep on one side, flat on the other, interpolation may creep."""
-    correction_reach: float = 1e-3
-    """Part of the step to an event that the last Newton correction may be."""
+    reach: float = 1e-3
+    """Part of the step to an event that the last Newton correction may be; a step that ends beyond a
+    zero by less of slope times step ends on it."""
     crossing_tries: int = 64
     """Tries to find a crossing that goes on from a stored step; bisection alone needs 52."""
     rounding: float = 1e-15
@@ -42,24 +42,32 @@ class Accuracy:
     """Guards that one jump of a load may violate, one after the other."""
 
     # Levels of smallness, of which other packages use the same.
+    same: float = 1e-6
+    """Part: two of a size, a step or a way that differ by less are one; as a factor of a first order,
+    its square is `slack`. So near are sections located, which are corrected after the run with their
+    exact rate; an instant to a break that is at it; a motion to the parabola through its ends and
+    slopes that is even, of which the error of a step has nothing to see; the speed of a contact, or
+    the gap of a stop, to that of one that sticks, or is closed, beside its terms; two attractors."""
     zero: float = 1e-9
     """Part: a difference that is zero without rounding is smaller, where slopes, orbits or solutions of
     equations enter it: a slope beside another, two sides of a bend that does not jump, what a direction
     has besides others; of a full step, two guards that fire at one instant."""
     slack: float = 1e-12
     """Part of its magnitude by which a guard below zero is not violated, and a component at rest moves:
-    rounding of the state. Whatever a few operations make of terms is zero below this part of them."""
+    rounding of the state. Whatever a few operations make of terms is zero below this part of them, and
+    at rest what is slower, or closer, than so many m/s, or m."""
     some_roundings: float = 64 * 2.0**-52
     """Part of a value, 64 spacings of numbers: sums and square roots went into it, or a time at which a
     load such as the sign of a sine jumps, and from which it is evaluated so far away."""
-    few_roundings: float = 8 * 2.3e-16
+    few_roundings: float = 8 * 2.0**-52
     """Part of the terms that cancel in a field, a speed or a gap: their rounding, eight spacings."""
-    tiny: float = 1e-150
-    """A number whose square is still a normal number: nothing, but to divide by."""
+    tiny: float = 1e-100
+    """A number whose cube is still a normal number: nothing, but to divide by. Close to rest in the
+    scale of velocity of every law of friction, which is 1e-50 m/s for rate-and-state friction."""
+    most: float = 1e6
+    """A share, or a doubt, beyond it says no more: the step is much too long, the force too large."""
 
     # Guards beside zero.
-    rounded: float = 4e-3
-    """Part of the terms in parameters of which `slack` is the rounding."""
     edge: float = 4e-12
     """Part of its terms by which a state is moved off a border on which it lies; more than `slack`."""
     far: float = 1e30
@@ -71,23 +79,19 @@ class Accuracy:
     the step are not met at the same phase by both."""
     doubt_certain: float = 3.0
     """A mismatch of this part of the room, inverted, is accepted."""
-    doubt_largest: float = 1e4
-    """A doubt beyond this says no more than that the step is much too long."""
-    value_rounding: float = 1e-13
-    """Part of the values: mismatches below it are rounding."""
     judged_together: int = 4
     """Functions judged in one call, which has one result: the compiler would compute what several share
     for each. It would run a larger call on several threads, which a fused program cannot do. In a
     portable one, more functions are judged by one small program. It compiles sooner, but puts an end to
     vector instructions in all that the compiler fuses with the stacking: batches ran three times as
     long."""
-    ends_on_zero: float = 1e-3
-    """Part of slope times step: a step that ends beyond a zero by less than this ends on it."""
 
     # Bends and jumps of the field.
-    jump_of_field: float = 1e-5
+    jump: float = 1e-5
     """Part of itself by which the field differs at least on both sides of a bend that jumps. Its slope
-    differs by `zero` at least, where the field does not."""
+    differs by `zero` at least, where the field does not. Part of the steps before: a step so much
+    shorter, accepted only because its error is small now, holds a jump of the field. Steps resolve a
+    smooth field long before."""
     outcome_bits: int = 48
     """Bits of all outcomes of comparisons, which are a part of the mode."""
     longest_scan: int = 16
@@ -98,8 +102,6 @@ class Accuracy:
     """Part of what is left of the period beside a piece: so long before it begins it is the next."""
     of_rest: float = 0.4
     """The same, as time scale: no step passes over more than what is left."""
-    beside: float = 1e-6
-    """Part of the length of a piece: nearer to its end is at a break."""
 
     # Errors of a step and the magnitudes that they are measured by.
     smallest: float = 1e-6
@@ -108,13 +110,11 @@ class Accuracy:
     short: float = 1e4
     """Roundings of the time: shorter steps may hold a jump that cannot be told any better."""
     loose: float = 1e-4
-    """Part of a component: an absolute tolerance above it says nothing about the component."""
+    """Part of a component: an absolute tolerance above it says nothing about the component. Step times
+    rate of the field, to the power of the order: beyond it slopes may be off by so much."""
     expected: float = 0.4
     """Power of `rtol` by which the last stage of a step may differ from its end, as a part of the
     motion: such is the order of that difference beside that of the error."""
-    sudden: float = 1e-5
-    """Part of the steps before: a step so much shorter, accepted only because its error is small now,
-    holds a jump of the field. Steps resolve a smooth field long before."""
     forgets: float = 0.95
     """Part of the longest step that is remembered after one more."""
     root_share: float = 0.1
@@ -136,17 +136,12 @@ class Accuracy:
     """Part of a declared period that is travelled in one step,"""
     of_seen_period: float = 4.5
     """and times more where the error of a step sees a motion."""
-    even: float = 1e-6
-    """Part of the way: a motion that is the parabola through its ends and slopes to this part is even,
-    and the error of a step has nothing to see."""
     numbers_told_apart: int = 64
     """Numbers of a state whose turns are told apart; of a larger state its leaves are."""
     unseen_motion: float = 1e7
     """Tolerances: a motion of fewer does not set the length of its steps,"""
     seen_motion: float = 1e-3
     """but one of this part of the state does."""
-    still_step: float = 1e-4
-    """Step times rate of the field, to the power of the order: beyond it slopes may be 1e-4 off."""
     still_beginning: int = 10
     """Steps in which the length may have grown from that of the first to that of the run."""
 
@@ -169,6 +164,11 @@ class Accuracy:
     """Operations that a call must save: it has to store its result, which is read again."""
     named_modes: int = 1024
     """Of more modes only those are named that occur."""
+
+    @property
+    def part_of_slack(self) -> float:
+        """Part of the terms in parameters of which `slack` is the rounding."""
+        return self.few_roundings / self.slack
 
 
 ACCURACY = Accuracy()

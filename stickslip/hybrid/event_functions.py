@@ -162,7 +162,9 @@ def terms_in_parameters(system: AbstractHybridSystem, t, y, mode, args) -> tuple
         return tuple(system.guards(t, y, mode, args))
 
     t, y, numbers = jax.lax.stop_gradient((t, y, numbers))
-    rounded = jax.tree.map(lambda a: jnp.where(jnp.isfinite(a), ACCURACY.rounded * a, 0.0), numbers)
+    rounded = jax.tree.map(
+        lambda a: jnp.where(jnp.isfinite(a), ACCURACY.part_of_slack * a, 0.0), numbers
+    )
     terms = (jnp.abs(term) for term in jax.jvp(guards, (numbers,), (generic(rounded),))[1])
     return tuple(jnp.where(term < jnp.inf, term, 0.0) for term in terms)
 

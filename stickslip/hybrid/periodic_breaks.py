@@ -218,7 +218,7 @@ def beside_break(system: WithPeriodicBreaks, t: Any) -> Any:
     piece, since = system._piece_at(t)
     begin, end = system._around(t, piece)
     after = system._around(end, jnp.where(piece + 1 < system._cycle()[0].size, piece + 1, 0))
-    near = ACCURACY.beside * (end - begin)
+    near = ACCURACY.same * (end - begin)
     ends = jnp.where(end - t < near, 0.5 * sum(after), t)
     return jnp.where(since < near, 0.5 * (begin + end), ends)
 

@@ -15,8 +15,9 @@ class Accuracy:
     # [-] reduced chi squared from which on a fit is said not to explain the data: twice the noise
     poor_fit: float = 4.0
     # [-] an estimate nearer to its bound than this part of its standard error, and of the distance
-    # between the bounds, is at the bound
-    at_bound: float = 0.01
+    # between the bounds, is at the bound; two sides of a jump enclose it, when all steps are spent, if
+    # they are nearer than this part of the distance
+    near: float = 0.01
 
     # Steps of a fit.
     # [-] part of the distance to a bound that a step leaves: Coleman and Li (1996) take 0.995 of it
@@ -29,29 +30,23 @@ class Accuracy:
     # [-] combinations with a smaller part of the largest singular value stay where they are; as damping
     # of a step it is hardly any, and shows what is still to be gained
     rank: float = 1e-10
-    # [-] of a sum of squares: a refit that gains less gains no more, and information below it is none
-    sum_rounding: float = 1e-14
-    # starts in one call of the program of many starts: the fewest, and from one size to the next
-    fewest_starts: int = 8
+    # starts in one call of the program of many starts, from one size to the next; the fewest fill the
+    # widest vector unit
     more_starts: int = 4
 
     # Profiles.
     # [-] distances, or sizes, up to which an unknown is followed: along a profile where it has no bound
     # on that side, and towards a bound under rounded friction, from which itself nothing returns
     reach: float = 1e3
-    # [-] a profile that rises by less than this part of the level is flat; a jump of it is enclosed as
-    # narrowly, in parts of the distance; an oscillation turns by at least this part of its rate
-    narrow: float = 1e-6
     # points of a side that are kept
     profile_points: int = 40
     # [-] length of a step along a profile in that of the one before
     longest_step: float = 3.0
     # steps of the refit at one point
     refit_steps: int = 25
-    # [-] of the level: what a linearised problem may still promise at the minimum of all unknowns, from
-    # which the interval is measured; and at the end of a refit that gains no more, of any other one
-    # `ENGINE.zero`
-    minimum: float = 1e-15
+    # [-] of the level: what a linearised problem may still promise at the end of a refit that gains no
+    # more; of any other one `ENGINE.zero`, and `ENGINE.rounding` at the minimum of all unknowns, from
+    # which the interval is measured
     refit_at_rest: float = 1e-4
     # [-] of the root of the level: the end of an interval is found
     interval_end: float = 2e-8
@@ -65,11 +60,8 @@ class Accuracy:
     given_up: int = 2
     # [-] roots of the rise, in those of the level, up to which a refit may have ended outside
     near_outside: float = 1.5
-    # [-] of the distance: so narrowly at least a jump is enclosed when all steps are spent
-    coarse: float = 1e-2
     # sets of points around the one inside from which a refit begins anew, and points of a set
-    probe_sets: int = 8
-    probes: int = 6
+    probes: int = 8
 
     # Posterior.
     # [-] acceptance aimed at: kinks of the density at a changed mode sequence cost accuracy

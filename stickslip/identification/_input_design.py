@@ -19,6 +19,7 @@ from .._validation import (
     refusal,
     shape_refusal,
 )
+from ..hybrid.accuracy import ACCURACY as ENGINE
 from ._accuracy import ACCURACY
 from ._evolution import Evolution
 from ._many_starts import LANES, asked_width, check_shared, evaluate_rows, evaluator
@@ -174,10 +175,10 @@ def _criterion(matrix: np.ndarray, kept: np.ndarray, criterion: str) -> float:
     if others.size:
         mixed = information[np.ix_(others, kept)]
         inner = information[np.ix_(others, others)]
-        inverse = np.linalg.pinv(inner, rcond=ACCURACY.sum_rounding, hermitian=True)
+        inverse = np.linalg.pinv(inner, rcond=ENGINE.some_roundings, hermitian=True)
         left = left - mixed.T @ inverse @ mixed
     sizes = np.linalg.eigvalsh(left)
-    if not sizes[0] > ACCURACY.sum_rounding * np.max(np.diag(information)):
+    if not sizes[0] > ENGINE.some_roundings * np.max(np.diag(information)):
         return np.nan
     return float(np.sum(np.log(sizes)) if criterion == "D" else -np.log(np.sum(1.0 / sizes)))
 

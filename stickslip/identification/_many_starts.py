@@ -25,7 +25,7 @@ from .._validation import (
 )
 from ..progress import Progress
 from ..sweep import map_lanes
-from ..sweep.lanes import EXECUTORS
+from ..sweep.lanes import EXECUTORS, VECTOR
 from ._accuracy import ACCURACY
 from ._evaluate import evaluation
 from ._fit import Fit
@@ -275,7 +275,7 @@ def _most(program: map_lanes) -> int:
 
 def _width(program: map_lanes, count: int, chunk_size: int | None) -> int:
     """Rows of every call: of few starts few, but not of each number its own, which would compile."""
-    asked, width = asked_width(program, chunk_size), ACCURACY.fewest_starts
+    asked, width = asked_width(program, chunk_size), VECTOR
     while width < count:
         width *= ACCURACY.more_starts
     return min(width, _most(program)) if asked is None else asked

@@ -266,7 +266,7 @@ def _profile_of(
     blind = ~jnp.isfinite(wide)
     highest = jnp.max(jnp.where(jnp.isfinite(rises), rises, -jnp.inf), axis=(1, 2))
     to_both_limits = jnp.all(status == BELOW, axis=1)
-    flat = to_both_limits & (highest <= ACCURACY.narrow * 2.0 * half**2 / 2.0)
+    flat = to_both_limits & (highest <= ENGINE.same * 2.0 * half**2 / 2.0)
     lost = jnp.any(status == FAILED, axis=1)
     below = jnp.any(status == BELOW, axis=1)
     verdict = jnp.select(

@@ -31,9 +31,9 @@ FOUND, BELOW, EDGE, FAILED = range(4)  # how a side ends
 def _ball(size: int) -> np.ndarray:
     """Points `[set, probe, unknown]`, evenly in the unit ball, the same ones every time."""
     rng = np.random.default_rng(0)
-    points = rng.standard_normal((ACCURACY.probe_sets, ACCURACY.probes, size))
+    points = rng.standard_normal((ACCURACY.probes, ACCURACY.probes, size))
     points /= np.linalg.norm(points, axis=-1, keepdims=True)
-    return points * rng.uniform(size=(ACCURACY.probe_sets, ACCURACY.probes, 1)) ** (1.0 / size)
+    return points * rng.uniform(size=(ACCURACY.probes, ACCURACY.probes, 1)) ** (1.0 / size)
 
 
 class Linear(NamedTuple):
@@ -172,14 +172,14 @@ class Walk(eqx.Module):
         damping = jnp.where(taken & (gained > 0.25 * now.foreseen), less, more)
         damping = jnp.where(now.fresh, 0.0, damping)
         tail = jnp.asarray(now.inner + 1, jnp.int32)
-        stalled = ~now.fresh & (jnp.abs(gained) <= ACCURACY.sum_rounding * jnp.abs(now.cost))
+        stalled = ~now.fresh & (jnp.abs(gained) <= ENGINE.some_roundings * jnp.abs(now.cost))
         now = now._replace(
             z=jnp.where(taken, now.trial, now.z), cost=jnp.where(taken, cost, now.cost), here=here,
             damping=damping, inner=tail, turns=now.turns + 1,
         )  # fmt: skip
         left = 0.5 * jnp.sum(here.along**2)  # what is still to gain
         # The minimum itself in more digits: the interval is measured from there.
-        good = left <= jnp.where(now.start, ACCURACY.minimum, ENGINE.zero) * self.target
+        good = left <= jnp.where(now.start, ENGINE.rounding, ENGINE.zero) * self.target
         most = jnp.where(now.start, ACCURACY.most_damping, ACCURACY.halted)
         tired = stalled | (now.inner >= ACCURACY.refit_steps) | (damping > most)
         close = tired & (left <= ACCURACY.refit_at_rest * self.target)
@@ -203,7 +203,7 @@ class Walk(eqx.Module):
             lambda a, b, c: jnp.where(ended, jnp.where(settled, a, b), c), onwards, another, again
         )
         spent = (after.status < 0) & (after.turns >= self.max_steps)
-        enclosed = after.outside[0] - after.inside[0] <= ACCURACY.coarse * after.outside[0]
+        enclosed = after.outside[0] - after.inside[0] <= ACCURACY.near * after.outside[0]
         return after._replace(status=jnp.where(spent, jnp.where(enclosed, EDGE, FAILED), after.status))
 
     def _again(self, now: Side) -> Side:
@@ -226,7 +226,7 @@ class Walk(eqx.Module):
         attempt = attempt + ((attempt == OUTSIDE) & ~near).astype(jnp.int32)
         _, root, inside, here = now.inside
         number = jnp.clip(attempt - AROUND, 0, ACCURACY.probes - 1)
-        ball = jnp.asarray(_ball(inside.shape[0]))[now.count % ACCURACY.probe_sets, number]
+        ball = jnp.asarray(_ball(inside.shape[0]))[now.count % ACCURACY.probes, number]
         seen = here.values > ACCURACY.rank * here.values[0]
         room = jnp.sqrt(jnp.maximum(self.target - root**2, 0.0))
         off = jnp.where(seen, room * ball / jnp.where(seen, here.values, 1.0), 0.0)
@@ -282,7 +282,7 @@ class Walk(eqx.Module):
         step = self._step(now, begun, root, slope, inside, outside, reach)
         d = jnp.minimum(step, reach)
         open_end = within & (now.d >= reach) & ~begun
-        narrow = jnp.isfinite(outside[0]) & (outside[0] - inside[0] <= ACCURACY.narrow * outside[0])
+        narrow = jnp.isfinite(outside[0]) & (outside[0] - inside[0] <= ENGINE.same * outside[0])
         lost_at_once = begun & lost
         smooth = 0.5 * jnp.sum(now.here.along**2) <= ACCURACY.refit_at_rest * self.target
         crossed = jnp.where(smooth, FOUND, EDGE)  # else the refit halted there at a jump

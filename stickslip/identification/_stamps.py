@@ -11,6 +11,7 @@ from jaxtyping import Array, Float
 
 from .._validation import is_concrete
 from ..hybrid import jit_by_code
+from ..hybrid.accuracy import ACCURACY as ENGINE
 from ._accuracy import ACCURACY
 from ._run import Data, Run, call_with_values
 from ._unknown import Unknown
@@ -48,7 +49,7 @@ def warn_of_wide_stamps(run: Run, unknowns: dict[str, Any], data: Data, times: n
     if not found.size:
         return
     rates = np.linalg.eigvals(found).ravel()
-    turning = np.abs(rates.imag)[np.abs(rates.imag) > ACCURACY.narrow * np.abs(rates)]
+    turning = np.abs(rates.imag)[np.abs(rates.imag) > ENGINE.same * np.abs(rates)]
     spacing = float(np.median(np.diff(times)))
     if not turning.size or spacing * turning.min() < ACCURACY.most_swings * 2.0 * np.pi:
         return

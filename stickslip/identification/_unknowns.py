@@ -11,6 +11,7 @@ from jaxtyping import Array, Float
 
 from .._types import Given
 from .._validation import as_parameter, check_positive, is_concrete, refusal, shape_refusal
+from ..hybrid.accuracy import ACCURACY as ENGINE
 from ._accuracy import ACCURACY
 from ._unknown import Bounds, Normal, Unknown
 
@@ -108,8 +109,8 @@ class Space(eqx.Module):
         side = jnp.zeros(jnp.shape(value), jnp.int32)
         if low is None and high is None:
             return side
-        part = jnp.where(jnp.isfinite(error), ACCURACY.at_bound * error, 0.0)
-        near = jnp.clip(part, ACCURACY.narrow * span, ACCURACY.at_bound * span)
+        part = jnp.where(jnp.isfinite(error), ACCURACY.near * error, 0.0)
+        near = jnp.clip(part, ENGINE.same * span, ACCURACY.near * span)
         if low is not None:
             side = jnp.where(value - low < near, -1, side)
         if high is not None:

@@ -14,10 +14,6 @@ class Accuracy:
 
     # contacts of a group with dependent directions: tables over all 2^12 sets of them
     most_dependent: int = 12
-    # [-] a share of friction, or of what surfaces that part bear, beyond it says no more
-    most_share: float = 1e6
-    # [-] of all forces: overloads below it are rounding in the search for what slides
-    slack: float = 1e-11
     # pivots of that search, after which it has failed; random groups of twelve take some 30
     most_pivots: int = 128
     # pivots after which ten times as much is taken for rounding: ties of ill-conditioned inertia
@@ -30,11 +26,6 @@ class Accuracy:
     # derivatives by time of a speed that is zero at the start: from rest under a rising load about a
     # lever of zero it grows as t^3
     highest_rate: int = 3
-    # [-] of the terms of a sliding speed, or of a gap: a contact said to stick whose speed is larger
-    # slides, a stop said to be closed whose gap is larger is not met
-    slides: float = 1e-6
-    # [m/s, m] slower or closer than it is rounding at rest
-    rests: float = 1e-12
 
 
 ACCURACY = Accuracy()

@@ -14,7 +14,6 @@ from stickslip.hybrid.dependence import NONE, degrees
 
 from ._abstract import traced_with
 from ._abstract_declaration import AbstractDeclaration
-from ._accuracy import ACCURACY
 from ._analysis import sampled_directions
 from ._declaration import at_zero, directions_of, mass_of
 from ._gaps import check_stop_names, check_without_args
@@ -230,7 +229,7 @@ def check_held(mechanism: Any, mode: int, found: Any) -> None:
 
 def _differs(value: float, size: float) -> bool:
     """Whether a number made of terms of this size is not zero, rounding aside."""
-    return abs(value) > ACCURACY.slides * size + ACCURACY.rests
+    return abs(value) > ENGINE.same * size + ENGINE.slack
 
 
 def check_pressed(mechanism: Any, found: list[Any]) -> None:

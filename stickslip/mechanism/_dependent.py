@@ -180,7 +180,7 @@ class DependentContacts(_AbstractDependentContacts):
         )  # fmt: skip
         reaction = self.motion_in(here, states).reaction
         share = self.onset(here.static, resting(own), reaction).share
-        return Guards(found, {}, (1.0 - jnp.minimum(share, ACCURACY.most_share),))
+        return Guards(found, {}, (1.0 - jnp.minimum(share, ENGINE.most),))
 
     def hit(self, fired: Fired) -> NumberRow:
         numbers = constants([fired.numbers[c][0] for c in self.rows], np.int32)

@@ -9,7 +9,6 @@ from jax import lax
 from stickslip._fastmath import where
 from stickslip.hybrid.accuracy import ACCURACY as ENGINE
 
-from ._accuracy import ACCURACY
 from ._group import AbstractContactGroup, Fired, Guards, Release, past_zero
 from ._laws import NO_LIMIT, Bounds
 from ._local import LocalInstant, Part
@@ -193,7 +192,7 @@ class ContactsOnOneVelocity(_AbstractOneVelocity):
             slip = times(x, speed) - w
             slides = jnp.maximum(s * slip, s * u)
             slides = where((slip == 0.0) & (apart == 0.0), -1.0, slides)
-            share = jnp.minimum(apart / (most + ENGINE.tiny), ACCURACY.most_share)
+            share = jnp.minimum(apart / (most + ENGINE.tiny), ENGINE.most)
             found.append(where(s == 0.0, 1.0 - share, slides))
         return found
 

@@ -163,7 +163,7 @@ class PlanarContact(AbstractContactGroup):
         steep = jnp.minimum(steep, 1.0)
         along = where((u[0] == 0.0) & (u[1] == 0.0), 1.0, 1.0 - steep * steep)
         slow = jnp.maximum(1.0 - speed / most, 0.0) * along
-        found = most * (ACCURACY.slides + slow * slow)
+        found = most * (ENGINE.same + slow * slow)
         return where(pulled >= 1.0 - ENGINE.zero, found, 0.0)
 
     def rest_speed(self, here: LocalInstant) -> Any:
@@ -212,7 +212,7 @@ class PlanarContact(AbstractContactGroup):
         size = where(pulls, most, 1.0)
         beside = _across(load, here.speeds) / (size * now.speed)
         against = jnp.maximum(-_dot(load, now.toward), 0.0) / size
-        straight = against * jnp.maximum(1.0 - beside * beside / ACCURACY.slides, 0.0)
+        straight = against * jnp.maximum(1.0 - beside * beside / ENGINE.same, 0.0)
         within = (1.0 - ENGINE.zero - most) * now.limits[0] / (now.limits[0] + ENGINE.tiny)
         slow = self.rest_speed(here) * jnp.maximum(within, where(pulls, straight, 0.0))
         stops = where(slips, now.speed - slow, where(ends, here.speeds[0], 1.0))

@@ -259,11 +259,11 @@ def states_by_search(group: AbstractSearched, problem: Problem) -> tuple[NumberR
             where(tired, 10.0 * now.still, now.still),
         )
 
-    origin, begun = group.begins(problem, standing, ACCURACY.slow * ACCURACY.slack * size / inertia)
+    origin, begun = group.begins(problem, standing, ACCURACY.slow * ENGINE.solved * size / inertia)
     first_face = each(lambda stands, x, s: where(stands, x, s), standing, begun, states)
     given = each(jnp.asarray, states)
     none = jnp.zeros_like(size, jnp.int32)
-    start = _Search(first_face, given, origin, none, ~problem.active, ACCURACY.slack * size)
+    start = _Search(first_face, given, origin, none, ~problem.active, ENGINE.solved * size)
     end = lax.while_loop(
         lambda now: ~now.ended & (now.pivots < ACCURACY.most_pivots),
         pivot,

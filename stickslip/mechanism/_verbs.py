@@ -5,8 +5,8 @@ from typing import Any
 import jax.numpy as jnp
 
 from stickslip._fastmath import where
+from stickslip.hybrid.accuracy import ACCURACY as ENGINE
 
-from ._accuracy import ACCURACY
 from ._ahead import loosened_ahead, sliding_ahead
 from ._contact import drags
 from ._group import Fired
@@ -151,7 +151,7 @@ def _states_after_jump(now: Moment, states: Any) -> list[Any]:
         here = now.of(group)
         for i, c in enumerate(group.rows[: group.contacts]):
             if not is_zero(here.gamma[i]):
-                near = here.slow(part=ACCURACY.slides)[i] & (states[c] == 0.0)
+                near = here.slow(part=ENGINE.same)[i] & (states[c] == 0.0)
                 moving = where(here.slow()[i] | near, 0.0, jnp.sign(now.at.speeds[c]))
                 states[c] = where(states[c] == 2.0, 2.0, moving)
     return states

@@ -64,7 +64,7 @@ def test_no_saltation(monkeypatch):
 @pytest.mark.more
 def test_event_by_linear_interpolation(monkeypatch):
     """The first attempt past the guard is accepted after one linear correction."""
-    set_accuracy(monkeypatch, solved=1e3, correction_reach=1e3)
+    set_accuracy(monkeypatch, solved=1e3, reach=1e3)
     _, _, time = errors()
     assert time > 1e-5
 
