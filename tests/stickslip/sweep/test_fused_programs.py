@@ -52,6 +52,12 @@ def test_a_single_lane():
     np.testing.assert_allclose(fused, jax.jit(one)(0.3), rtol=0, atol=1e-13)
 
 
+def test_a_run_alone_with_its_log():
+    with use_executor(FUSED):
+        fused = logged(0.3, 1.0)
+    np.testing.assert_allclose(fused, logged(0.3, 1.0), rtol=0, atol=1e-11)
+
+
 @pytest.mark.more
 @pytest.mark.parametrize(
     "derivative",
