@@ -10,6 +10,7 @@ from tests.corexy_jax._runs import solution
 from tests.oracle import in_dead_zone
 
 
+@pytest.mark.more
 def test_outputs_of_scenario_1():
     data = cx.outputs(solution(1))
     # Facts that an independent study found: motor 1 needs at most 1.58, its limit is 10.

@@ -109,6 +109,7 @@ ODD = Belts(Frame(0.3, 0.5, 0.1, 0.2), 2e4, 5e4, 3e-4)
 PLACE = (0.05, 0.1)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("kind", [None, "ZV", "EI"])
 def test_several_modes_ring_by_no_more(kind):
     """Off the middle, along a diagonal, with damping and motors that give way."""

@@ -63,6 +63,7 @@ def test_friction_opposes_motion_within_its_limit(problem):
     assert np.abs(balance).max() <= 1e-12 * (1 + np.abs(problem.force).max())
 
 
+@pytest.mark.more
 @given(problems(), arrays(eighths, N_VELOCITIES))
 def test_motion_changes_no_more_than_the_load(problem, change):
     """Nonexpansive, hence continuous over all changes of regime; and monotone."""

@@ -291,9 +291,8 @@ def test_changed_mode_sequence_is_seen_by_the_hash():
     assert not ss.same_mode_sequence(ends[0], ends[2])
 
 
-@pytest.mark.parametrize(
-    "of", ["ends", *(pytest.param(of, marks=pytest.mark.more) for of in ("speeds", "outputs"))]
-)
+@pytest.mark.more
+@pytest.mark.parametrize("of", ["ends", "speeds", "outputs"])
 def test_a_parameter_that_lanes_share_has_the_sum_of_their_slopes(of):
     """In reverse and forward; lanes differ in a parameter, the end time, or the time of an output."""
     rows = jnp.array([10.0, 12.0, 30.0]) if of != "speeds" else jnp.array([0.2, 0.25, 0.4])

@@ -70,6 +70,7 @@ def few(stiffness=K, friction=0.3):
     )
 
 
+@pytest.mark.more
 def test_what_goes_in_is_kept_or_lost():
     machine = few()
     system = WithIntegrals(machine, WithContacts.powers)
