@@ -32,11 +32,13 @@ def jit_by_code(function: Given[Callable]) -> Callable:
     **Errors** `TypeError` unless `function` is a function.
     """
     check_type("function", function, types.FunctionType, "a function")
-    return compiled_by_code(function, None)
+    return compiled_by_code(function)
 
 
-def compiled_by_code(function: Callable, compiler_options: dict[str, Any] | None) -> Callable:
-    """The same with options of the compiler, as `jax.jit` takes them."""
+def compiled_by_code(
+    function: Callable, options_of: Callable[[list], dict[str, Any] | None] = lambda operands: None
+) -> Callable:
+    """The same with options of the compiler, as `jax.jit` takes them, by the arrays of a call."""
 
     def of_code(static: tuple, operands: list) -> tuple[list, _Constants]:
         begin_first_call()  # this is called where the program is made, and never again
@@ -46,13 +48,14 @@ def compiled_by_code(function: Callable, compiler_options: dict[str, Any] | None
         return found, _Constants(constants)
 
     of_code.__name__ = of_code.__qualname__ = function.__name__
-    program = jax.jit(of_code, static_argnums=0, compiler_options=compiler_options)
 
     def again(key: tuple, args: tuple, named: dict[str, Any]) -> Any:
         return function(*args, **named)
 
-    options: Any = {"compiler_options": compiler_options}
-    worded = eqx.filter_jit(again, **options)
+    @functools.cache
+    def programs(**options: Any) -> tuple[Callable, Callable]:
+        given: Any = {"compiler_options": options or None}
+        return jax.jit(of_code, static_argnums=0, **given), eqx.filter_jit(again, **given)
 
     @functools.wraps(function)
     def call(*args: Any, **named: Any) -> Any:
@@ -62,6 +65,7 @@ def compiled_by_code(function: Callable, compiler_options: dict[str, Any] | None
             # A program has no derivatives by them: they would be zero, in silence.
             nondifferentiable(traced, msg=_CLOSED_OVER)
         inside = is_showing()
+        program, worded = programs(**(options_of(operands) or {}))
         try:
             # `equinox.filter_jit` does the same in six times the time, a fifth of a millisecond.
             found, constants = program((code, form, others, told_apart(others)), operands)

@@ -295,7 +295,7 @@ class WithController(AbstractSystemWrapper):
         later = self.delay + (self.latency is not None)
         return Controlled(y, self.initial, zero, (zero,) * later, clock, waits)
 
-    def check_start(self, t, y, args):
+    def check_start(self, t, y, mode, args):
         """That of `system`; raises `ValueError` for a state whose next sample is past."""
         if not isinstance(y, Controlled):
             raise refusal("y0", y, "a Controlled, as `start` makes it", TypeError)
@@ -305,7 +305,7 @@ class WithController(AbstractSystemWrapper):
                 allowed = f"that of a sample at {float(t)} s or later, as `start(y, {float(t)})` has it"
                 raise refusal("y0.clock", float(y.clock), allowed)
         system, given = self._under(y.output, args)
-        system.check_start(t, y.y, given)
+        system.check_start(t, y.y, mode, given)
 
     @check_arguments(t=reals, y=_controlled)
     def initial_mode(self, t, y, args):
@@ -313,10 +313,6 @@ class WithController(AbstractSystemWrapper):
         return system.initial_mode(t, y.y, given)
 
     # -- the rest is that of the system, with the output that acts
-
-    def check_mode(self, t, y, mode, args):
-        system, given = self._under(y.output, args)
-        system.check_mode(t, y.y, mode, given)
 
     def constraints(self, t, y, mode, args):
         system, given = self._under(y.output, args)

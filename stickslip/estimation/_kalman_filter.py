@@ -120,9 +120,8 @@ def kalman_filter(
     check.check_callable("measure", measure, FORM, *range(5))
     system, args = with_float_arrays((system, args))
     given.check_field(system, t0, start.mean, np.zeros((), np.int32), args, name="start.mean")
-    if start.mode is not None:
-        system.check_mode(t0, start.mean, given.mode_index("start.mode", system, start.mode), args)
-    system.check_start(t0, start.mean, args)
+    named: Any = None if start.mode is None else given.mode_index("start.mode", system, start.mode)
+    system.check_start(t0, start.mean, named, args)
     mean, mode = given.start_of(system, t0, start.mean, start.mode, args)
     what = "measure(system, t, y, mode, args)"
     found = check.check_mapping(what, eqx.filter_eval_shape(measure, system, t0, mean, mode, args))

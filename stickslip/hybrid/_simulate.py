@@ -10,7 +10,15 @@ from jaxtyping import PyTree
 
 from .._argument_checks import check_arguments, checked_by, instance, or_none
 from .._types import Given, Mode, Numeric, Row
-from .._validation import check_at_least, check_count, check_flag, check_type, leaves_of, refusal
+from .._validation import (
+    check_at_least,
+    check_count,
+    check_flag,
+    check_type,
+    is_concrete,
+    leaves_of,
+    refusal,
+)
 from . import _solution as out
 from ._autodiff import core
 from ._component_kinds import component_kinds, sizes_driven
@@ -191,11 +199,9 @@ def simulate(
     check_at_least("t1", t1, "t0", t0)
     ts = output_times(saveat.ts, t0, t1)
     y0, mode0 = the_start(system, y0, mode0, args)
-    kind = type(system)  # a bound method of Equinox takes 30 us to make
-    kind.check_start(system, t0, y0, args)
-    if mode0 is not None:
-        mode: Any = mode0  # a number by now
-        kind.check_mode(system, t0, y0, mode, args)
+    mode: Any = mode0  # a number by now
+    # A bound method of Equinox takes 30 us to make.
+    type(system).check_start(system, t0, y0, mode, args)
 
     def run(mode0):
         return _run(system, args, t0, t1, y0, mode0, ts, integrator, saveat, current_executor())
@@ -207,7 +213,9 @@ def simulate(
             raise
         # Perhaps `initial_mode` asks in Python which number it has.
         solution, fine = run(first_mode(system, t0, y0, args))
-    return raise_failures(solution, fine) if throw else solution
+    if not throw or (is_concrete(fine) and bool(fine)):
+        return solution
+    return raise_failures(solution, fine)
 
 
 @jit_plainly

@@ -102,15 +102,10 @@ class AbstractSystemWrapper(AbstractHybridSystem):
         """That of `system`, whose arguments are taken to be these."""
         return self.system.time_scale(args)
 
-    def check_start(self, t, y, args):
+    def check_start(self, t, y, mode, args):
         """That of `system`."""
         inner, given = self.inner(y, args)
-        self.system.check_start(t, inner, given)
-
-    def check_mode(self, t, y, mode, args):
-        """That of `system`."""
-        inner, given = self.inner(y, args)
-        self.system.check_mode(t, inner, mode, given)
+        self.system.check_start(t, inner, mode, given)
 
     def constraints(self, t, y, mode, args):
         """Those of `system`."""

@@ -1,6 +1,5 @@
 """Programs of single runs, compiled in half the time."""
 
-import functools
 from collections.abc import Callable
 from types import FunctionType
 from typing import Any
@@ -47,12 +46,9 @@ def jit_plainly(function: Given[Callable]) -> Callable:
     **Errors** `TypeError` unless `function` is a function.
     """
     check_type("function", function, FunctionType, "a function")
-    usual, plain = compiled_by_code(function, None), compiled_by_code(function, OPTIONS)
 
-    @functools.wraps(function)
-    def call(*args: Any, **named: Any) -> Any:
+    def options_of(operands: list) -> dict[str, Any] | None:
         outside = jax.extend.core.get_opaque_trace_state() == _OUTSIDE
-        alone = outside and plain_options() is not None and is_concrete((args, named))
-        return (plain if alone else usual)(*args, **named)
+        return plain_options() if outside and is_concrete(operands) else None
 
-    return call
+    return compiled_by_code(function, options_of)

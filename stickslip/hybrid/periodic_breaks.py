@@ -197,15 +197,17 @@ class WithPeriodicBreaks(AbstractSystemWrapper):
         piece, _ = self._piece_at(t)
         return self._mode_of_piece(self.system.initial_mode(self._inside(t, piece), y, args), piece)
 
-    def check_mode(self, t, y, mode, args):
+    def check_start(self, t, y, mode, args):
         """That of `system`; and `ValueError` for a piece of the load that the time is not in."""
+        if mode is None:
+            return super().check_start(t, y, mode, args)
         if is_concrete((self, t, mode)) and np.ndim(mode) == 0 and int(mode) >= 0:
             begin, end = (float(b) for b in self._around(t, self._mode_and_piece(mode)[1]))
             near = ACCURACY.zero * (end - begin) + ACCURACY.slack * abs(float(t))
             if not begin - near <= float(t) <= end + near:
                 name = self.mode_names[int(mode)]
                 raise refusal("mode0", name, f"of the piece of the load at {float(t)} s")
-        self.system.check_mode(t, y, self._mode_and_piece(mode)[0], args)
+        return super().check_start(t, y, self._mode_and_piece(mode)[0], args)
 
     def constraints(self, t, y, mode, args):
         inner, piece = self._mode_and_piece(mode)

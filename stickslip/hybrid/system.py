@@ -177,16 +177,11 @@ class AbstractHybridSystem(AbstractShown):
         """`switches` as the engine asks for them; a class that declares them otherwise overrides it."""
         return tuple(self.switches(t, y, mode, args))
 
-    def check_start(self, t: Numeric, y: PyTree, args: PyTree) -> None:
+    def check_start(self, t: Numeric, y: PyTree, mode: Whole | None, args: PyTree) -> None:
         """Raise `ValueError` for a state that no motion can begin with; by default it raises nothing.
 
-        `simulate` calls it before anything is compiled. Numbers may be traced: these pass unread.
-        """
-
-    def check_mode(self, t: Numeric, y: PyTree, mode: Whole, args: PyTree) -> None:
-        """Raise `ValueError` for a state that cannot be in a mode; nothing unless a system says so.
-
-        `simulate` calls it as `check_start`, for a mode that the user names.
+        `simulate` calls it before anything is compiled, with the `mode` that the user names, in which
+        the state may be impossible, or None. Numbers may be traced: these pass unread.
         """
 
     def constraints(self, t: Numeric, y: PyTree, mode: Whole, args: PyTree) -> tuple | None:

@@ -149,16 +149,18 @@ def check_mass(mechanism: Any, q: Any = None) -> None:
     Without `q` only what does not depend on the coordinates is judged: an inertia may vanish somewhere,
     as in polar coordinates.
     """
-    names = mechanism.names.coordinates
-    n = len(names)
     if q is None and traced_with(_varies, mechanism):
         return
     q = at_zero(mechanism.names, 0.0)[0] if q is None else q
-    entries = numbers_known(_inertia, mechanism, q) if is_concrete((mechanism, q)) else None
-    entries = _inertia(mechanism, q) if entries is None else entries
+    entries = numbers_known(inertia_entries, mechanism, q) if is_concrete((mechanism, q)) else None
+    _check_inertia(mechanism, inertia_entries(mechanism, q) if entries is None else entries)
+
+
+def _check_inertia(mechanism: Any, entries: list[Any]) -> None:
     if not all(is_concrete(x) for x in entries) or any(np.ndim(x) for x in entries):
         return  # traced, or one for each lane
-    numbers = np.array([float(x) for x in entries])
+    names = mechanism.names.coordinates
+    numbers, n = np.array([float(x) for x in entries]), len(names)
     if n == numbers.size:
         for name, m in zip(names, numbers, strict=True):
             if not m > 0.0 or not np.isfinite(m):
@@ -174,7 +176,7 @@ def check_mass(mechanism: Any, q: Any = None) -> None:
         raise refusal("mass_matrix(q)", matrix.tolist(), "positive definite")
 
 
-def _inertia(mechanism: Any, q: Any) -> list[Any]:
+def inertia_entries(mechanism: Any, q: Any) -> list[Any]:
     """Entries of the mass matrix: of its diagonal, or row by row."""
     mass = mass_of(mechanism.mass_matrix(q), mechanism.names.coordinates)
     if mass.full is None:
@@ -186,7 +188,7 @@ def _varies(mechanism: Any) -> bool:
     """Whether the inertia depends on the coordinates."""
 
     def entries(q):
-        return [jnp.asarray(x, jnp.float64) + 0.0 for x in _inertia(mechanism, q)]
+        return [jnp.asarray(x, jnp.float64) + 0.0 for x in inertia_entries(mechanism, q)]
 
     q, _ = at_zero(mechanism.names)
     return any(d != NONE for d in degrees(entries, (q,), (True,)))
@@ -200,52 +202,55 @@ def check_law(name: str, law: Any) -> None:
         raise DeclarationError(str(refusal(f"the law of contact {name!r}", law, why)))
 
 
-def check_held(mechanism: Any, mode: int, found: Any) -> None:
-    """Raise for a mode in which a contact sticks that slides, or a stop is closed that is not met.
+def check_numbers_at_start(mechanism: Any, found: list[Any], mode: Any) -> None:
+    """Raise for inertia that is none, for a contact that pulls at the start, or drives in place of
+    resisting there; in a mode for a contact that sticks and slides, or a stop that is closed and not
+    met: it would be held at that speed, or there.
 
-    It would be held at that speed, or there. `found`: states, speeds and sizes of their terms, of
-    contacts and stops; gaps of the stops and sizes of their terms.
-    """
-    names = mechanism.names
-    n, k = len(names.contacts), len(names.stops)
-    numbers, m = [float(x) for x in found], n + k
-    states, speeds, gaps = numbers[:m], numbers[m : 2 * m], numbers[3 * m : 3 * m + k]
-    moves = [_differs(u, size) for u, size in zip(speeds, numbers[2 * m : 3 * m], strict=True)]
-    apart = [_differs(gap, size) for gap, size in zip(gaps, numbers[3 * m + k :], strict=True)]
-    for c, contact in enumerate(names.contacts):
-        if states[c] == 0.0 and moves[c]:
-            allowed = f"a mode in which contact {contact!r} does not stick, or left out"
-            given = mechanism.mode_names[mode]
-            raise refusal("mode0", given, allowed, but=f"and it slides at {speeds[c]:.6g}")
-    for c, stop in enumerate(names.stops):
-        given = mechanism.mode_names[mode]
-        allowed = f"a mode in which stop {stop!r} is open, or left out"
-        if states[n + c] == 0.0 and apart[c]:
-            raise refusal("mode0", given, allowed, but=f"and its gap is {gaps[c]:.6g}")
-        if states[n + c] == 0.0 and moves[n + c]:
-            but = f"and its gap changes at {speeds[n + c]:.6g}"
-            raise refusal("mode0", given, allowed, but=but)
-
-
-def _differs(value: float, size: float) -> bool:
-    """Whether a number made of terms of this size is not zero, rounding aside."""
-    return abs(value) > ENGINE.same * size + ENGINE.slack
-
-
-def check_pressed(mechanism: Any, found: list[Any]) -> None:
-    """Raise for a contact that pulls at the start, or drives in place of resisting there.
-
-    `found`: normal forces of the contacts that do not open, then coefficients of each contact.
+    `found`: the numbers that the mechanism has at the start.
     """
     names = mechanism.names
     fixed = [name for name in names.contacts if name not in names.opening]
-    for name, load in zip(fixed, found, strict=False):
+    ends = [len(fixed), len(RESISTING) * len(names.contacts)]
+    m, k = len(names.contacts) + len(names.stops), len(names.stops)
+    ends += [0, 0, 0, 0, 0] if mode is None else [m, m, m, k, k]
+    left = iter(found)
+    loads, coefficients, *held = ([next(left) for _ in range(number)] for number in ends)
+    _check_inertia(mechanism, [*left])
+    for name, load in zip(fixed, loads, strict=True):
         if not (np.asarray(load) >= 0.0).all():
             raise refusal(f"the normal force of contact {name!r} at the start", load, "not negative")
-    laws = iter(found[len(fixed) :])
+    laws = iter(coefficients)
     for name in names.contacts:
         for what in RESISTING:
             coefficient = next(laws)
             if (np.asarray(coefficient) < 0.0).any():
                 allowed = "not negative: friction resists, and this drives"
                 raise refusal(f"the {what} of contact {name!r}", coefficient, allowed)
+    if mode is not None:
+        _check_held(mechanism, int(mode), *held)
+
+
+def _check_held(
+    mechanism: Any, mode: int, states: list, speeds: list, fastest: list, gaps: list, farthest: list
+) -> None:
+    names, n = mechanism.names, len(mechanism.names.contacts)
+    moves = [_differs(u, size) for u, size in zip(speeds, fastest, strict=True)]
+    apart = [_differs(gap, size) for gap, size in zip(gaps, farthest, strict=True)]
+    for c, contact in enumerate(names.contacts):
+        if states[c] == 0.0 and moves[c]:
+            allowed = f"a mode in which contact {contact!r} does not stick, or left out"
+            but = f"and it slides at {speeds[c]:.6g}"
+            raise refusal("mode0", mechanism.mode_names[mode], allowed, but=but)
+    for c, stop in enumerate(names.stops):
+        if states[n + c] != 0.0:
+            continue
+        allowed = f"a mode in which stop {stop!r} is open, or left out"
+        but = f"its gap is {gaps[c]:.6g}" if apart[c] else f"its gap changes at {speeds[n + c]:.6g}"
+        if apart[c] or moves[n + c]:
+            raise refusal("mode0", mechanism.mode_names[mode], allowed, but=f"and {but}")
+
+
+def _differs(value: Any, size: Any) -> bool:
+    """Whether a number made of terms of this size is not zero, rounding aside."""
+    return abs(value) > ENGINE.same * size + ENGINE.slack

@@ -62,9 +62,9 @@ class _AbstractSmoothForm(AbstractMechanicalSystem):
         """That of the mechanism."""
         return self.mechanism.time_scale(args)
 
-    def check_start(self, t, y, args):
-        """As that of the mechanism."""
-        self.mechanism.check_start(t, self.bare(y), args)
+    def check_start(self, t, y, mode, args):
+        """As that of the mechanism, of which these modes are none."""
+        self.mechanism.check_start(t, self.bare(y), None, args)
 
     def switches_in(self, t, y, mode, args):
         """Those of the mechanism."""

@@ -22,10 +22,10 @@ from ._analysis import check_args, contacts_without_drag
 from ._check import (
     check_declaration,
     check_directions,
-    check_held,
     check_law,
     check_mass,
-    check_pressed,
+    check_numbers_at_start,
+    inertia_entries,
 )
 from ._dependent import motion_in_rows
 from ._first_order import check_rates
@@ -255,43 +255,32 @@ class AbstractMechanism(AbstractWithObservables):
         mode = self.mode_of(states)
         return where(failed, jnp.asarray(NO_MODE, mode.dtype), mode)
 
-    def check_start(self, t, y, args):
-        """Raise `ValueError` for a contact that pulls or drives at the start, wrong inertia or stop."""
-        names = self.names
-        if not all(hasattr(y, name) for name in (*names.kept, *names.velocities)):
+    def check_start(self, t, y, mode, args):
+        """Raise `ValueError` for a contact that pulls or drives, and for wrong inertia or stops; in a
+        mode also for a contact that sticks but slides, and for a closed stop that is not met."""
+        try:
+            q, _ = type(self).to_coordinates(self, y)
+        except (AttributeError, TypeError):
             return  # no state of this mechanism, as the run says
         check_args(self, args)
         if args is not None:
             check_directions(self, args)
         check_gaps(self, t, y, args)
         check_rates(self, t, y, args)
-        if is_concrete((self, y)):
-            check_mass(self, type(self).to_coordinates(self, y)[0])
-        if names.contacts and is_concrete((self, t, y, args)):
-            try:
-                found = numbers_known(_start_numbers, self, t, y, args)
-                found = _compiled_start_numbers(self, t, y, args) if found is None else found
-            except jax.errors.JAXTypeError:
-                return  # closed over what is traced
-            if is_concrete(found):
-                check_pressed(self, found)
-
-    def check_mode(self, t, y, mode, args):
-        """Raise `ValueError` for a contact that sticks in this mode but slides, or a closed stop not
-        met."""
-        if not is_concrete((self, t, y, mode, args)) or np.ndim(mode) or int(mode) < 0:
+        if not is_concrete((self, t, y, args)):
+            if is_concrete((self, y)):
+                check_mass(self, q)
             return
-        word = np.asarray(mode, mode_type(self))
+        if mode is not None:
+            named = is_concrete(mode) and not np.ndim(mode) and int(mode) >= 0
+            mode = np.asarray(mode, mode_type(self)) if named else None
         try:
-            found = numbers_known(_held, self, t, y, word, args)
-            found = _compiled_held(self, t, y, word, args) if found is None else found
-        except (AttributeError, TypeError):
-            try:  # a machine may have a state of its own
-                jax.eval_shape(self.to_coordinates, y)
-            except (AttributeError, TypeError):
-                return  # no state of this mechanism, as the run says
-            raise  # of what is declared
-        check_held(self, int(mode), found)
+            found = numbers_known(_start_numbers, self, t, y, mode, args)
+            found = _compiled_start_numbers(self, t, y, mode, args) if found is None else found
+        except jax.errors.JAXTypeError:
+            return  # closed over what is traced
+        if is_concrete(found):
+            check_numbers_at_start(self, found, mode)
 
     def constraints(self, t, y, mode, args):
         """Sliding speeds of the contacts that stick [m/s], then rates and gaps of closed stops."""
@@ -313,36 +302,32 @@ class AbstractMechanism(AbstractWithObservables):
         return BristleMechanism(self, kind, parameters)
 
 
-def _start_numbers(machine: AbstractMechanism, t: Any, y: Any, args: Any) -> list[Any]:
-    """Normal forces of the contacts that do not open [N], then coefficients that resist of each."""
-    names = machine.names
-    contacts, _, speeds, *_ = touching(machine, machine.structure, t, *machine.to_coordinates(y), args)
+def _start_numbers(machine: AbstractMechanism, t: Any, y: Any, mode: Any, args: Any) -> list[Any]:
+    """Numbers by which a start is judged.
+
+    Normal forces of the contacts that do not open [N], then coefficients that resist of each; of a mode
+    states, speeds, and sizes of the terms of the speeds, of contacts and stops, gaps of the stops, and
+    sizes of their terms to first order; the inertia.
+    """
+    names, (q, v) = machine.names, machine.to_coordinates(y)
+    contacts, _, speeds, *_ = touching(machine, machine.structure, t, q, v, args)
     pairs = [*zip(names.contacts, contacts, strict=True)]
     found = [c.normal_force for name, c in pairs if name not in names.opening]
     for contact, speed in zip(contacts, speeds, strict=False):
         found += resisting(contact, speed)
-    return [jnp.asarray(x, jnp.float64) for x in found]
+    if mode is not None:
+        at = machine.instant(t, y, args)
+        fastest = [
+            total(jnp.abs(times(n, x)) for n, x in zip(line, at.v, strict=True)) + jnp.abs(w)
+            for line, w in zip(at.directions, at.surfaces, strict=True)
+        ]
+        gaps, farthest = [stop.stop.gap for stop in at.stops], []
+        for gap, line in zip(gaps, at.directions[len(at.contacts) :], strict=True):
+            terms = [times(n, x) for n, x in zip(line, at.q, strict=False) if x is not None]
+            rest = jnp.abs(gap - total(terms))
+            farthest.append(total(jnp.abs(x) for x in terms) + rest)
+        found += [*machine.states(mode), *at.speeds, *fastest, *gaps, *farthest]
+    return [jnp.asarray(x, jnp.float64) for x in (*found, *inertia_entries(machine, q))]
 
 
 _compiled_start_numbers = jit_by_code(_start_numbers)
-
-
-def _held(machine: AbstractMechanism, t: Any, y: Any, mode: Any, args: Any) -> list[Any]:
-    """States, speeds, and sizes of the terms of the speeds, of contacts and stops; gaps of the stops,
-    and sizes of their terms to first order.
-    """
-    at, states = machine.instant(t, y, args), list(machine.states(mode))
-    fastest = [
-        total(jnp.abs(times(n, x)) for n, x in zip(line, at.v, strict=True)) + jnp.abs(w)
-        for line, w in zip(at.directions, at.surfaces, strict=True)
-    ]
-    gaps, farthest = [stop.stop.gap for stop in at.stops], []
-    for gap, line in zip(gaps, at.directions[len(at.contacts) :], strict=True):
-        terms = [times(n, x) for n, x in zip(line, at.q, strict=False) if x is not None]
-        rest = jnp.abs(gap - total(terms))
-        farthest.append(total(jnp.abs(x) for x in terms) + rest)
-    found = (*states, *at.speeds, *fastest, *gaps, *farthest)
-    return [jnp.asarray(x, jnp.float64) for x in found]
-
-
-_compiled_held = jit_by_code(_held)

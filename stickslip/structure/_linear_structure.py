@@ -139,7 +139,7 @@ class LinearStructure(AbstractSmoothSystem, AbstractMechanicalSystem):
         """All forces but those of inertia [N]."""
         return node_forces(self, t, q, v, args)
 
-    def check_start(self, t, y, args):
+    def check_start(self, t, y, mode, args):
         """Raise `TypeError`, `ValueError` for what is not a state of this structure."""
         for name in ("q", "v"):
             row: Any = getattr(y, name, None)

@@ -284,20 +284,17 @@ class WithSliders(AbstractSystemWrapper, AbstractMechanicalSystem):
         inner, k = self._split(mode)
         return self._under(y.z, k).switches_in(t, y.y, inner, args)
 
-    def check_mode(self, t, y, mode, args):
-        """That of `system`."""
-        if not is_concrete(mode) or np.ndim(mode) or int(mode) < 0:
-            return
-        inner, k = self._split(jnp.asarray(mode, mode_type(self)))
-        self._under(y.z, k).check_mode(t, y.y, inner, args)
-
-    def check_start(self, t, y, args):
+    def check_start(self, t, y, mode, args):
         """That of `system`; raises `ValueError` for sliders that are missing or out of bounds too."""
         if not isinstance(y, Slid):
             raise refusal("y0", y, "a Slid, as `start` makes it", TypeError)
         if np.shape(y.z) != (self._number,):
             raise shape_refusal("y0.z", y.z, f"a row of {self._number}, one for each slider")
-        type(self.system).check_start(self.system, t, y.y, args)
+        inner, system = None, self.system
+        if mode is not None and is_concrete(mode) and not np.ndim(mode) and int(mode) >= 0:
+            inner, k = self._split(jnp.asarray(mode, mode_type(self)))
+            system = self._under(y.z, k)
+        type(system).check_start(system, t, y.y, inner, args)
         if is_concrete((self, t, y, args)):
             sliders = self._sliders(t, y, jnp.zeros(len(self.names)), args)
             if not bool(sliders.admissible()):

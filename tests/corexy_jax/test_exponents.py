@@ -39,4 +39,4 @@ def test_a_mode_in_which_a_belt_that_slides_would_hold():
     moving = machine.state(vx=0.5, vy=0.25, omega_1=10.0)
     with pytest.raises(ValueError, match=r"mode0 = 'RR 0{8}', and it slides at .*contact"):
         ss.simulate(machine, 0.0, 1.0, moving, "RR 00000000")
-    machine.check_mode(0.0, machine.state(), 0, None)
+    machine.check_start(0.0, machine.state(), 0, None)

@@ -76,7 +76,7 @@ EXEMPT_METHODS = {
     **dict.fromkeys(
         (
             "vector_field", "guards", "transition", "inner", "time_scale", "check_start",
-            "check_mode", "constraints", "held_state", "mass_matrix", "switches", "switches_in",
+            "constraints", "held_state", "mass_matrix", "switches", "switches_in",
             "forces", "contacts", "gaps", "potential_energy", "rates", "HarmonicForce.__call__",
             "Jenkins.bounds", "LinearStructure.initial_mode",
             "PID.__call__", "Cascade.__call__", "ResetPID.__call__",

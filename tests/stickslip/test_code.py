@@ -237,7 +237,7 @@ def test_structure_follows_an_edit():
     cell: dict[str, Any] = {**names, "Coulomb": Coulomb, "jnp": jnp, "__name__": "__main__"}
     exec(PARTS, cell)
     machine = cell["Sledges"]()
-    machine.check_start(0.0, machine.state(), None)
+    machine.check_start(0.0, machine.state(), None, None)
     assert [group.columns for group in machine.structure.groups] == [(0,), (1,)]
     assert machine.structure.lifting == ()
     exec("coupling = 0.5\ndef load(t):\n    return jnp.sin(t)", cell)
@@ -245,7 +245,7 @@ def test_structure_follows_an_edit():
     assert machine.structure.lifting == (0,)
     exec("def load(t):\n    return -1.0", cell)
     with pytest.raises(ValueError, match=r"normal force of contact .floor. at the start = -1"):
-        machine.check_start(0.0, machine.state(), None)
+        machine.check_start(0.0, machine.state(), None, None)
 
 
 def test_a_kept_map_and_a_kept_program_see_the_edit(cell):

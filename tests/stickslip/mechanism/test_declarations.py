@@ -154,13 +154,13 @@ def test_a_mode_in_which_what_slides_would_stick():
     block = CoulombOscillator(1.0, 1.0, 1.0, 0.5, 0.2)
     with pytest.raises(ValueError, match=r"mode0 = 'stick', and it slides at -0\.2: .*contact 'belt'"):
         ss.simulate(block, 0.0, 1.0, Motion(0.0, 0.0), "stick")
-    block.check_mode(0.0, Motion(0.0, 0.2 * (1.0 + 1e-9)), 1, None)  # rounding
+    block.check_start(0.0, Motion(0.0, 0.2 * (1.0 + 1e-9)), 1, None)  # rounding
     ball = BouncingBall(0.5, 9.81, 0.7, 0.02)
     with pytest.raises(ValueError, match=r"mode0 = 'rest', and its gap is 1: .*stop 'ground' is open"):
         ss.simulate(ball, 0.0, 1.0, Motion(1.0, 0.0), "rest")
     with pytest.raises(ValueError, match=r"mode0 = 'rest', and its gap changes at -1: "):
         ss.simulate(ball, 0.0, 1.0, Motion(0.0, -1.0), "rest")
-    ball.check_mode(0.0, Motion(0.0, 0.0), 1, None)
+    ball.check_start(0.0, Motion(0.0, 0.0), 1, None)
 
 
 def test_a_fast_rotor_hides_no_sliding():
