@@ -227,7 +227,7 @@ def check_numbers_at_start(mechanism: Any, found: list[Any], mode: Any) -> None:
             if (np.asarray(coefficient) < 0.0).any():
                 allowed = "not negative: friction resists, and this drives"
                 raise refusal(f"the {what} of contact {name!r}", coefficient, allowed)
-    if mode is not None:
+    if mode is not None and not any(np.ndim(x) for row in held for x in row):  # else as the run says
         _check_held(mechanism, int(mode), *held)
 
 

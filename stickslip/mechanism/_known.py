@@ -89,6 +89,9 @@ class _Arithmetic:
         self.places: list[Any] = [None] * len(jaxpr.invars)  # operands, then constants and results
         self.operations: list[tuple[Callable, list[int], int]] = []
         self.results = self._walk(jaxpr, closed.consts, [*range(len(jaxpr.invars))])
+        read = {i for _, operands, _ in self.operations for i in operands}.union(self.results)
+        if any(isinstance(self.places[i], jax.core.Tracer) for i in read):
+            raise NotArithmetic  # closed over a number that a trace around this one does not know
 
     def _walk(self, jaxpr: Any, consts: Any, operands: list[int]) -> list[int]:
         def place(_: Any, number: Any) -> int:

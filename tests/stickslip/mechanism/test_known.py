@@ -11,7 +11,14 @@ import stickslip as ss
 from stickslip.friction import Coulomb, Stribeck
 from stickslip.mechanism import AbstractMechanism, Contact
 from stickslip.mechanism._known import numbers_known
-from stickslip.systems import BouncingBall, OscillatorBetweenStops, PairMotion, TwoBlocksOnBelt
+from stickslip.systems import (
+    BouncingBall,
+    CoulombOscillator,
+    Motion,
+    OscillatorBetweenStops,
+    PairMotion,
+    TwoBlocksOnBelt,
+)
 from tests.stickslip.mechanism._stopped import Guided
 from tests.stickslip.systems._systems import PAIR
 
@@ -126,3 +133,25 @@ def test_exponentials_of_a_law_are_arithmetic(exponent):
     found = numbers_known(coefficients, Stribeck(0.4, 0.2, 0.05, exponent), 0.06)
     expected = 0.2 + 0.2 * np.exp(-((0.06 / 0.05) ** exponent))
     np.testing.assert_allclose(found, [expected, -expected], rtol=1e-14)
+
+
+def test_an_inertia_may_close_over_a_number_of_a_program():
+    """The trial of the inertia met the tracer: an error of JAX from the constructor."""
+
+    def end(mass):
+        class Block(Pressed):
+            def mass_matrix(self, q):
+                return {"x": mass, "phi": 1.0}
+
+        machine = Block(1.5, 9.81, 0.7)
+        return ss.simulate(machine, 0.0, 0.1, machine.state(x=0.3)).y1.x
+
+    assert jax.eval_shape(end, 2.0).shape == ()
+    with pytest.raises(RuntimeError, match="closes over a number that is differentiated"):
+        jax.grad(end)(2.0)
+
+
+def test_a_batch_of_states_in_a_named_mode_is_an_error_of_the_run():
+    block, lanes = CoulombOscillator(1.0, 1.0, 1.0, 0.5, 0.2), np.full(3, 0.2)
+    with pytest.raises(ValueError, match=r"guards.* has shape .*\(3,\).*scalars"):
+        ss.simulate(block, 0.0, 1.0, Motion(0.0 * lanes, lanes), "stick")
