@@ -107,6 +107,11 @@ def _batch(leaves, axes, *, alone, batched, given):
 
     def together(form):
         def run(*leaves):
+            pairs = [*zip(leaves, axes, strict=True)]
+            if any(axis is not None and x.shape[axis] == 0 for x, axis in pairs):  # no tangents
+                one = (x if axis is None else jnp.zeros_like(x).sum(axis) for x, axis in pairs)
+                out = form(*one)
+                return [*out[:decided], *(x[None][:0] for x in out[decided:])]
             out = jax.vmap(form, in_axes=tuple(axes))(*leaves)
             # The values are the same for all tangents; unbatched, the loop around stays that of a lane.
             return [*(value[0] for value in out[:decided]), *out[decided:]]

@@ -147,6 +147,9 @@ class _Request(ProgramOnDemand):
         n = self.directions
         if not self.many:
             return self.maps.run(*leaves)
+        if leaves[0].shape[0] == 0:  # no directions, as of `jacfwd` by an empty array
+            found = self.maps.results(*leaves[n:]) if self.results else ()
+            return [*found, *(jnp.zeros((0, *a.shape), a.dtype) for a in self.slopes)]
         out = jax.vmap(lambda *moving: self.maps.run(*moving, *leaves[n:]))(*leaves[:n])
         # The results are the same for all directions.
         return [*(x[0] for x in out[: self.results]), *out[self.results :]]

@@ -292,4 +292,4 @@ def _lanes_in(inputs):
 
 def _lanes(a):
     """The leading axes of chunks and lanes as one."""
-    return a.reshape(-1, *a.shape[2:])
+    return a.reshape(a.shape[0] * a.shape[1], *a.shape[2:])

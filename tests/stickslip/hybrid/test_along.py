@@ -189,3 +189,16 @@ def loops(derivative):
 
 def test_a_forward_derivative_runs_the_motion_once():
     assert loops("jacfwd") == loops("")
+
+
+@pytest.mark.more
+def test_no_parameters_have_no_slopes():
+    def end(p, speed):
+        block = CoulombOscillator(1.0, 1.0, 1.0, 0.5, speed + p.sum())
+        return ss.simulate(block, 0.0, 3.0, Motion(0.0, speed), "stick").y1.x
+
+    none, speeds = jnp.zeros(0), jnp.array([0.2, 0.3])
+    slopes, found = jax.jacfwd(lambda p, v: (end(p, v),) * 2, has_aux=True)(none, 0.2)
+    assert slopes.shape == (0,)
+    assert float(found) == pytest.approx(0.6, abs=1e-12)  # stuck until t = 5
+    assert ss.map_lanes(lambda v: jax.jacfwd(end)(none, v))(speeds).shape == (2, 0)
