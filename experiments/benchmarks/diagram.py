@@ -37,7 +37,7 @@ MANY = 100_000_000  # steps; the end of a run, not their number, is what ends it
 
 
 def steps_of(
-    h: float | None = None, tolerance: float | None = None, method: str = "tsit5"
+    h: float | None = None, tolerance: float | None = None, method: Any = "tsit5"
 ) -> ss.Integrator:
     """A method with fixed or adaptive steps."""
     if tolerance is None:

@@ -26,7 +26,8 @@ class MapPage:
             x_axis_label=across, y_axis_label=up, tools="pan,wheel_zoom,box_zoom,reset,save",
         )  # fmt: skip
         small(plot)
-        self.cells = ColumnDataSource(shown.columns(MOST_DRAWN), name="cells")
+        columns: Any = shown.columns(MOST_DRAWN)
+        self.cells = ColumnDataSource(columns, name="cells")
         colors = [attractor_color(word, number) for number, word in enumerate(shown.words)]
         mapper = CategoricalColorMapper(factors=shown.words, palette=colors)
         color: Any = {"field": "word", "transform": mapper}
