@@ -33,7 +33,7 @@ def test_slopes_are_those_of_differences_forward_and_reverse():
     x[3] = np.nan
     reverse = jax.grad(likelihood)(values, T, x)
     for name, value in values.items():
-        h = 1e-5 * value
+        h = 1e-4 * value
 
         def at(a, name=name):
             return likelihood(values | {name: a}, T, x)
