@@ -253,4 +253,4 @@ def _check_held(
 
 def _differs(value: Any, size: Any) -> bool:
     """Whether a number made of terms of this size is not zero, rounding aside."""
-    return abs(value) > ENGINE.same * size + ENGINE.slack
+    return bool(abs(value) > ENGINE.same * size + ENGINE.slack)
