@@ -155,7 +155,7 @@ def _mismatch(course: _Course, rounding: Any) -> tuple[Any, Any]:
         size = jnp.maximum(size, jnp.abs(value))
     # Of a straight line the mismatch is rounding, and at zero room it would still be a doubt. Rounding
     # of the time is rounding of what changes with it.
-    return jnp.where(mismatch <= ACCURACY.slack * size + rounding, 0.0, mismatch), size
+    return jnp.where(mismatch <= ACCURACY.value_rounding * size + rounding, 0.0, mismatch), size
 
 
 def _room(course: _Course) -> Any:

@@ -59,15 +59,16 @@ class Accuracy:
     some_roundings: float = 64 * 2.0**-52
     """Part of a value, 64 spacings of numbers: sums and square roots went into it, or a time at which a
     load such as the sign of a sine jumps, and from which it is evaluated so far away."""
-    few_roundings: float = 8 * 2.0**-52
+    few_roundings: float = 8 * 2.3e-16
     """Part of the terms that cancel in a field, a speed or a gap: their rounding, eight spacings."""
-    tiny: float = 1e-100
-    """A number whose cube is still a normal number: nothing, but to divide by. Close to rest in the
-    scale of velocity of every law of friction, which is 1e-50 m/s for rate-and-state friction."""
+    tiny: float = 1e-150
+    """A number whose square is still a normal number: nothing, but to divide by."""
     most: float = 1e6
     """A share, or a doubt, beyond it says no more: the step is much too long, the force too large."""
 
     # Guards beside zero.
+    part_of_slack: float = 4e-3
+    """Part of the terms in parameters of which `slack` is the rounding."""
     edge: float = 4e-12
     """Part of its terms by which a state is moved off a border on which it lies; more than `slack`."""
     far: float = 1e30
@@ -79,6 +80,8 @@ class Accuracy:
     the step are not met at the same phase by both."""
     doubt_certain: float = 3.0
     """A mismatch of this part of the room, inverted, is accepted."""
+    value_rounding: float = 1e-13
+    """Part of the values: mismatches below it are rounding."""
     judged_together: int = 4
     """Functions judged in one call, which has one result: the compiler would compute what several share
     for each. It would run a larger call on several threads, which a fused program cannot do. In a
@@ -164,11 +167,6 @@ class Accuracy:
     """Operations that a call must save: it has to store its result, which is read again."""
     named_modes: int = 1024
     """Of more modes only those are named that occur."""
-
-    @property
-    def part_of_slack(self) -> float:
-        """Part of the terms in parameters of which `slack` is the rounding."""
-        return self.few_roundings / self.slack
 
 
 ACCURACY = Accuracy()

@@ -18,7 +18,6 @@ from stickslip.continuation import (
     orbit_guess,
     periodic_orbit,
 )
-from stickslip.hybrid.accuracy import ACCURACY as ENGINE
 from stickslip.systems import CoulombOscillator
 from stickslip.systems import Motion as Place
 from tests.stickslip.continuation._systems import (
@@ -65,9 +64,9 @@ def test_stick_takes_one_direction_exactly(leine):
 @pytest.mark.more
 def test_newton_takes_few_evaluations(leine):
     assert int(leine.steps) <= 8
-    # Rounding keeps it above the tolerance, 1e-12; up to here an orbit is one. How far depends on how
-    # the program was compiled: 1e-13 to 8e-12.
-    assert float(leine.residual) <= ENGINE.solved
+    # The residual is rounding, of programs compiled as users do (`make test-all`) or cheaply.
+    cheaply = jax.config.read("jax_disable_most_optimizations")
+    assert float(leine.residual) <= (1e-11 if cheaply else 1e-12)
     assert float(leine.closing_error) < 1e-10
 
 
