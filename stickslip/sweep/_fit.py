@@ -17,6 +17,7 @@ from .._jaxpr import equations, nowhere
 from ..hybrid.executor import ALONG_NAME, LOOP_NAME
 
 CHUNK_FUSED = 64  # lanes whose state fits the first-level cache
+MANY_DIRECTIONS = 3  # of a derivative: from here on half of the lanes fit it
 CHUNK_PORTABLE = 16 * CHUNK_FUSED  # more: each operation is dispatched by itself
 VECTOR = 8  # lanes of the widest vector unit of a CPU: below, the portable executor is no slower
 PORTABLE_INSTEAD = (
@@ -60,7 +61,7 @@ def check_motions(closed: Any, lanes: int) -> None:
     loops = (eqn for eqn in equations(closed.jaxpr) if eqn.params.get("name") == LOOP_NAME)
     motions = max(map(_motions, loops), default=lanes)
     directions = max(map(_directions, equations(closed.jaxpr)), default=0)
-    each = -(-motions // lanes) * (2 if directions > 2 else 1)
+    each = -(-motions // lanes) * (2 if directions >= MANY_DIRECTIONS else 1)
     fitting = CHUNK_FUSED // each
     fitting = max(fitting - fitting % VECTOR if fitting > VECTOR else fitting, 2)
     if each > 1 and lanes > fitting:
