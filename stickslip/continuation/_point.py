@@ -11,17 +11,18 @@ from ..hybrid import SaveAt, simulate
 from ..hybrid.accuracy import ACCURACY as ENGINE
 from ._accuracy import ACCURACY
 from ._along import Anchor, Problem, anchor_at, equations_at, orbit_at, system_at
+from ._closing import Closure
 from ._family import Failure
 from ._guess import OrbitGuess, gained_by
 from ._orbit import PeriodicOrbit
 
 
 @dataclasses.dataclass(frozen=True)
-class Point:
-    """An orbit on the branch, with what the next step starts from.
+class Candidate:
+    """An orbit as Newton's method found it, with what the next step starts from.
 
     `values`, `[parameter]`. `tangent`: of the branch, `[unknown]`; with two parameters an orthonormal
-    basis of the plane of orbits, `[2, unknown]`. `conserved`: as of a `Closure`.
+    basis of the plane of orbits, `[2, unknown]`.
     """
 
     u: np.ndarray
@@ -29,10 +30,20 @@ class Point:
     anchor: Anchor
     tangent: np.ndarray
     jacobian: np.ndarray
-    orbit: PeriodicOrbit
+    closing: Closure
     evaluations: int
     values: np.ndarray
-    conserved: np.ndarray | None
+
+    def begins_like(self, other: "Candidate") -> bool:
+        """Whether both have the same events from one instant on; False may say nothing."""
+        return self.anchor is other.anchor and same_events(self.closing, other.closing)
+
+
+@dataclasses.dataclass(frozen=True)
+class Point(Candidate):
+    """An orbit on the branch: it was simulated once more, from wherever its period begins."""
+
+    orbit: PeriodicOrbit
 
     @property
     def value(self) -> float:
@@ -117,11 +128,29 @@ def correct(
 ) -> Point | Failure:  # fmt: skip
     """Newton's method in the plane through `u` perpendicular to `along`, or to each of its rows; the
     orbit is simulated again."""
+    found = solve(problem, u, modes, anchor, along, sense, tolerance)
+    return found if isinstance(found, Failure) else describe(problem, found)
+
+
+def same_events(one: Closure, other: Closure) -> bool:
+    """Whether the motions of two closures have the same events."""
+    return np.array_equal(one.sequence, other.sequence) and np.array_equal(
+        one.num_events, other.num_events
+    )
+
+
+def solve(
+    problem: Problem, u: np.ndarray, modes: Any, anchor: Anchor, along: np.ndarray,
+    sense: np.ndarray | None, tolerance: float = ENGINE.solved, like: Candidate | None = None,
+) -> Candidate | Failure:  # fmt: skip
+    """Newton's method alone; through motions only whose events are `like` those of another."""
     start, best = u, np.inf
     for evaluation in range(1, ACCURACY.rounds + 1):
         residual, jacobian, found = jax.device_get(equations_at(problem, jnp.asarray(u), modes, anchor))
         if not np.all(found.good) or not np.all(np.isfinite(residual)):
             return Failure("guess_failed")
+        if like is not None and not same_events(found, like.closing):
+            return Failure("mode_differs")
         norm = float(np.max(np.abs(residual)))
         if norm <= tolerance or (norm < ACCURACY.stalled * tolerance and norm > 0.5 * best):
             break
@@ -139,54 +168,84 @@ def correct(
         u = u - step * min(1.0, 5.0 / max(np.max(np.abs(step)), 5.0))
         modes = np.roll(found.modes, 1)
         modes[0] = found.modes[-1]
-    orbit = orbit_at(problem, jnp.asarray(u), jnp.asarray(modes), anchor, (residual, jacobian, found))
-    if not bool(orbit.successful):
-        return Failure(str(orbit.result))
     tangent = tangent_of(jacobian, sense)
     if tangent is None:
         return Failure("singular")
     values = u[-len(problem.names) :] * np.asarray(problem.unit)
-    return Point(u, modes, anchor, tangent, jacobian, orbit, evaluation, values, found.conserved)
+    return Candidate(u, modes, anchor, tangent, jacobian, found, evaluation, values)
+
+
+def describe(problem: Problem, found: Candidate) -> Point | Failure:
+    """The orbit that was found, simulated once more; a failure where it does not close."""
+    if isinstance(found, Point):
+        return found
+    orbit = orbit_at(
+        problem, jnp.asarray(found.u), jnp.asarray(found.modes), found.anchor,
+        (found.closing.residual, found.jacobian, found.closing),
+    )  # fmt: skip
+    return Point(**vars(found), orbit=orbit) if bool(orbit.successful) else Failure(str(orbit.result))
 
 
 def ahead(
-    problem: Problem, point: Point, distance: float, way: np.ndarray | None = None
+    problem: Problem, point: Candidate, distance: float, way: np.ndarray | None = None
 ) -> Point | Failure:
     """The point at a distance along the tangent of this one, or another way in the plane of orbits."""
+    found = solve_ahead(problem, point, distance, way)
+    return found if isinstance(found, Failure) else describe(problem, found)
+
+
+def solve_ahead(
+    problem: Problem, point: Candidate, distance: float, way: np.ndarray | None = None,
+    like: Candidate | None = None,
+) -> Candidate | Failure:  # fmt: skip
+    """The same, with the orbit not simulated again; `like` as for `solve`."""
     way = point.tangent if way is None else way
-    found = correct_from(problem, point, distance * way)
     there = point.u + distance * way
+    along = point.tangent
+    found = solve(problem, there, point.modes, point.anchor, along, along, like=like)
     if is_astray(found, there, distance, ACCURACY.strays):
         return Failure("not_converged")
-    if isinstance(found, Failure) or found.sequence != point.sequence:
+    if isinstance(found, Failure):
         return found
     return _in_family(problem, point, found, there)
 
 
-def _in_family(problem: Problem, point: Point, found: Point, there: np.ndarray) -> Point | Failure:
+def _in_family(
+    problem: Problem, point: Candidate, found: Candidate, there: np.ndarray
+) -> Candidate | Failure:
     """The orbit of a family whose conserved numbers are those of where it was looked for.
 
     A slider that sticks all the time is anywhere. Where Newton's method comes across states in which it
     slips, these move it, and the orbit would stick up to elsewhere than the others of its branch.
     """
     away = _moved_in_family(found, there)
-    if not np.any(np.abs(away) > ENGINE.solved):
+    if not np.any(np.abs(away) > ENGINE.solved) or not _same_sequence(problem, point, found):
         return found
     rows = np.vstack([found.jacobian, point.tangent])
     right = np.append(away, np.zeros(len(rows) - away.size))
     back = found.u - np.linalg.lstsq(rows, right, rcond=ENGINE.slack)[0]
-    again = correct(problem, back, found.modes, found.anchor, point.tangent, point.tangent)
-    if isinstance(again, Failure) or again.sequence != point.sequence:
+    again = solve(problem, back, found.modes, found.anchor, point.tangent, point.tangent)
+    if isinstance(again, Failure) or not _same_sequence(problem, point, again):
         return Failure("not_converged")
     away = _moved_in_family(again, there)
     return Failure("not_converged") if np.any(np.abs(away) > ENGINE.solved) else again
 
 
-def _moved_in_family(found: Point, there: np.ndarray) -> np.ndarray:
+def _same_sequence(problem: Problem, one: Candidate, other: Candidate) -> bool:
+    """Whether two orbits have one sequence of modes, wherever their periods begin in it."""
+    if one.begins_like(other):
+        return True
+    points = [describe(problem, found) for found in (one, other)]
+    sequences = [None if isinstance(point, Failure) else point.sequence for point in points]
+    return sequences[0] is not None and sequences[0] == sequences[1]
+
+
+def _moved_in_family(found: Candidate, there: np.ndarray) -> np.ndarray:
     """By how much the conserved numbers of an orbit are others than those of these unknowns."""
-    if found.conserved is None:
+    conserved = found.closing.conserved
+    if conserved is None:
         return np.zeros(1)
-    return found.conserved @ (found.u - there)[: found.conserved.shape[1]]
+    return np.asarray(conserved) @ (found.u - there)[: conserved.shape[1]]
 
 
 def correct_from(problem: Problem, point: Point, move: np.ndarray) -> Point | Failure:
@@ -194,7 +253,7 @@ def correct_from(problem: Problem, point: Point, move: np.ndarray) -> Point | Fa
     return correct(problem, point.u + move, point.modes, point.anchor, point.tangent, point.tangent)
 
 
-def is_astray(found: Point | Failure, expected: np.ndarray, distance: float, most: float) -> bool:
+def is_astray(found: Candidate | Failure, expected: np.ndarray, distance: float, most: float) -> bool:
     """Whether an orbit is farther from where it was expected than so many steps."""
     if isinstance(found, Failure):
         return False

@@ -1,6 +1,7 @@
 """Functions of orbits whose zeros are special points, and the border of a sequence of modes."""
 
 from collections.abc import Callable
+from typing import cast
 
 import numpy as np
 
@@ -9,7 +10,7 @@ from ._accuracy import ACCURACY
 from ._along import Problem
 from ._family import Failure
 from ._orbit import PeriodicOrbit
-from ._point import Point, ahead, is_astray
+from ._point import Candidate, Point, describe, is_astray, solve_ahead
 
 
 def multipliers_of(orbit: PeriodicOrbit) -> np.ndarray:
@@ -60,30 +61,65 @@ def border(
 ) -> tuple[Point, float]:
     """The last point, within a distance along the branch, that is like the one before; and how far.
 
-    Far from its start Newton's method may fail before the sequence ends, so that the search begins
-    again from the last point found, until it does not get further.
+    By halving: of a border nothing but its side is known at an orbit. First of orbits whose motion has
+    the same events as the last one, which is told at once; then of all that are alike, since an event
+    may have passed the instant at which the period begins.
     """
-    last, whole, span = before, 0.0, distance
-    for _ in range(ACCURACY.rounds):
-        # By bisection: of a border nothing but its side is known at an orbit.
-        low, high, best, other = 0.0, span, last, None
-        while high - low > ACCURACY.nearer ** (4 if other is None else 5) * span:
-            middle = 0.5 * (low + high)
-            found = ahead(problem, last, middle, way)
-            there = last.u + middle * (last.tangent if way is None else way)
-            if isinstance(found, Failure) or is_astray(found, there, middle, ACCURACY.shorter):
-                high, other = middle, None
-            elif alike(found):
-                low, best = middle, found
+    least = max(ACCURACY.short * distance, ENGINE.slack)
+    found, at = _border(problem, before, distance, distance, least, None, way)
+    point = describe(problem, found)
+    if isinstance(point, Failure) or not alike(point):
+        point, at, near = before, 0.0, distance
+    else:
+        near = ACCURACY.strays * least
+    last, more = _border(problem, point, distance - at, near, least, alike, way)
+    assert isinstance(last, Point)
+    return last, at + more
+
+
+def _border(
+    problem: Problem, before: Point, distance: float, near: float, least: float,
+    alike: Callable[[Point], bool] | None, way: np.ndarray | None,
+) -> tuple[Candidate, float]:  # fmt: skip
+    """The last orbit that is `alike`, or else whose motion has the same events, and how far it is.
+
+    Where it is first looked for within less than the distance, `near`, it may be farther.
+    """
+    last: Candidate = before
+    other: Candidate | None = None
+
+    def beyond(step: float) -> Candidate | None:
+        """An orbit a step from the last one; None where there is none."""
+        # In the plane of orbits there, so that what it is off is the square of the step.
+        onward = last.tangent if way is None else last.tangent.T @ (last.tangent @ way)
+        found = solve_ahead(problem, last, step, onward, last if alike is None else None)
+        there = last.u + step * onward
+        if isinstance(found, Failure) or is_astray(found, there, step, ACCURACY.shorter):
+            return None
+        point = found if alike is None else describe(problem, found)
+        return None if isinstance(point, Failure) else point
+
+    # The border is within `reach` of the last orbit, as a step as long as `asked` had told.
+    whole, reach, asked = 0.0, near, near if near == distance else np.inf
+    while reach > least:
+        # A step leads to beside where it ends, by its square, and there maybe beyond a border that lies
+        # farther: the end of the reach is asked again from nearer by, and what follows if it succeeds.
+        anew = reach < asked * min(1.0, ACCURACY.far * asked)
+        step = reach if anew else ACCURACY.shorter * reach
+        found = beyond(step)
+        if found is None or (alike is not None and not alike(cast(Point, found))):
+            other, reach, asked = found, step, step
+        else:
+            last, whole = found, whole + step
+            if anew:
+                other, reach, asked = None, min(2.0 * reach, distance - whole), np.inf
             else:
-                high, other = middle, found
-        last, whole = best, whole + low
+                reach = step
         # The orbit goes on right behind the last one, as another kind: the method has not failed.
-        goes_on = other is not None and (
-            np.linalg.norm(other.u - best.u) <= ACCURACY.strays * (high - low) + ACCURACY.short
-        )
-        if goes_on or low <= ACCURACY.short * distance or whole >= distance:
+        if (
+            other is not None
+            and reach <= ACCURACY.nearer**5 * distance
+            and np.linalg.norm(other.u - last.u) <= ACCURACY.strays * reach + ACCURACY.short
+        ):
             break
-        # The rest of the way was too long, not by much.
-        span = min(0.5 * span, distance - whole)
     return last, whole

@@ -33,7 +33,7 @@ def point(modes, parameter=0.0, way=1.0, times=None):
     extent = np.ones(1)
     anchor = Anchor(None, 0.0, 1.0, None, extent, extent, extent, None, None)
     u, tangent = np.array([0.0, parameter]), np.array([1.0, way])
-    return Point(u, None, anchor, tangent, np.zeros((1, 2)), orbit, 1, np.array([parameter]), None)
+    return Point(u, None, anchor, tangent, np.zeros((1, 2)), None, 1, np.array([parameter]), orbit)
 
 
 @pytest.mark.parametrize("turn", range(4))

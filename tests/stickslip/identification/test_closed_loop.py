@@ -1,6 +1,7 @@
 """Data of a closed loop: the controller, a known part of the system, makes the fit right that is wrong
 without it."""
 
+import contextlib
 from typing import Any, ClassVar
 
 import jax.numpy as jnp
@@ -100,7 +101,9 @@ def test_the_controller_in_the_system_takes_the_bias_away():
         first = problem(closed, 0)
         for seed in range(32):
             made = first.with_records(problem(closed, seed).records)
-            fit = made.fit()
+            misfit = pytest.warns(UserWarning, match="reduced chi squared")
+            with contextlib.nullcontext() if closed else misfit:
+                fit = made.fit()
             rows.append([float(fit.values[n]) / TRUTH[n] - 1.0 for n in TRUTH])
         rows = np.array(rows)
         off[closed] = np.mean(rows, axis=0), np.std(rows, axis=0, ddof=1) / np.sqrt(len(rows))

@@ -74,7 +74,8 @@ def arrived(fits, reference):
 def test_from_a_start_at_which_the_block_never_moves():
     found = problem(8.0)
     stuck = {"excess": 1.0, "kinetic": 2.5, "stiffness": 4.0}
-    alone = found.fit(start=stuck)
+    with pytest.warns(UserWarning, match="reduced chi squared"):
+        alone = found.fit(start=stuck)
     np.testing.assert_allclose([float(alone.values[n]) for n in TRUTH], list(stuck.values()))
     near = found.fit(method=Homotopy((0.3, 0.05)), start=stuck)
     reference = found.fit(method=LevenbergMarquardt(tolerance=1e-12))
