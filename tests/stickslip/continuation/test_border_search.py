@@ -16,9 +16,9 @@ class Line:
     """Orbits on the parabola `y = bend x^2`; those beyond `edge` are of another kind or are not there.
 
     Newton's method begins on the tangent, and where that is beyond the edge, whose line is parallel to
-    the second axis but for its `lean`, the motion has other events. From `passes` on an event has passed
-    the instant at which the period begins: the orbits are alike nevertheless. From `unseen` on an orbit
-    is not reproduced.
+    the second axis but for its `lean`, the motion has other events. From `passes` on an event has gone
+    past the instant at which the period begins: the orbits are alike nevertheless. From `unseen` on an
+    orbit is not reproduced.
     """
 
     def __init__(self, edge, bend=1.0, lean=0.3, other=True, passes=np.inf, unseen=np.inf):

@@ -63,11 +63,15 @@ def test_stick_takes_one_direction_exactly(leine):
 
 @pytest.mark.more
 def test_newton_takes_few_evaluations(leine):
+    """Of steps whose own noise, to their tolerance, is below that of the residual."""
     assert int(leine.steps) <= 8
-    # The residual is rounding, of programs compiled as users do (`make test-all`) or cheaply.
-    cheaply = jax.config.read("jax_disable_most_optimizations")
-    assert float(leine.residual) <= (1e-11 if cheaply else 1e-12)
     assert float(leine.closing_error) < 1e-10
+    steps = ss.Integrator("dop853", ss.AdaptiveStep(1e-13, 1e-14))
+    guess = OrbitGuess(Motion(1.135, 0.0), 11.0, LEINE.mode_names.index("slip"))
+    found = periodic_orbit(LEINE, guess, shooting=Shooting(integrator=steps))
+    assert int(found.steps) <= 9
+    assert float(found.residual) <= 1e-12
+    assert float(found.period) == pytest.approx(PERIOD, abs=1e-10)
 
 
 @pytest.mark.parametrize(
