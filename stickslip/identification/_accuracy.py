@@ -61,7 +61,7 @@ class Accuracy:
     # [-] roots of the rise, in those of the level, up to which a refit may have ended outside
     near_outside: float = 1.5
     # sets of points around the one inside from which a refit begins anew, and points of a set
-    probes: int = 8
+    probes: int = 6
 
     # Posterior.
     # [-] acceptance aimed at: kinks of the density at a changed mode sequence cost accuracy

@@ -117,6 +117,8 @@ def test_records_of_different_lengths_are_corrected_alike():
     np.testing.assert_allclose(both, np.concatenate([every[:20], every]), rtol=0, atol=1e-7)
 
 
+# Some of the fits that simulate from the beginning are said not to explain the data.
+@pytest.mark.filterwarnings("ignore:The fit converged, and its reduced chi squared:UserWarning")
 @pytest.mark.slow
 def test_noise_within_the_motion_does_not_bias_the_fit():
     """As an input the measured command answers the noise of the motion: simulated from the beginning
