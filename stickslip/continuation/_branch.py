@@ -49,7 +49,7 @@ class BranchPoint(eqx.Module):
         return float(self.values[0])
 
     def __repr__(self) -> str:
-        period = isinstance(self.orbit, Equilibrium) and self.label == "HB"
+        period = isinstance(self.orbit, Equilibrium) and np.isfinite(self.orbit.period)
         more = f", period {float(self.orbit.period):.10g} s" if period else ""
         return f"{self.label} at {_list_text(self.values)}{more}{': ' * bool(self.words)}{self.words}"
 

@@ -54,12 +54,30 @@ def crossing(rest: Rest) -> float:
 
 
 def pairs(rest: Rest) -> float:
-    r"""$\prod_{i<j}(\lambda_i + \lambda_j)$, by the sizes: zero with a pair on the imaginary axis."""
-    found, product = rest.eigenvalues, 1.0 + 0.0j
-    for i in range(found.size):
-        for j in range(i):
-            product *= (found[i] + found[j]) / max(abs(found[i]), abs(found[j]), 1e-300)
-    return float(np.real(product)) if found.size > 1 else 1.0
+    r"""Least $|\lambda_i + \lambda_j|$, by the larger of the two, with the sign of the product of all
+    sums: zero with a pair on the imaginary axis. The product itself is rounding where many modes are
+    hardly damped."""
+    totals = [total for total, _ in _sums(rest.eigenvalues)]
+    sign = np.prod([total / abs(total) if total else 0.0 for total in totals])
+    return float(min(map(abs, totals), default=1.0) * np.sign(np.round(np.real(sign))))
+
+
+def _sums(found: np.ndarray) -> list[tuple[complex, int]]:
+    """Sums of two eigenvalues, by the larger one, and the number of one of the two.
+
+    Without those of two zeros, as of a body that nothing holds.
+    """
+    none = ENGINE.some_roundings * np.max(np.abs(found), initial=0.0)
+    both = [(a, b, i) for i, a in enumerate(found) for b in found[:i]]
+    sizes = [max(abs(a), abs(b)) for a, b, _ in both]
+    pairs = zip(both, sizes, strict=True)
+    return [((a + b) / size, i) for (a, b, i), size in pairs if size > none]
+
+
+def growths(rest: Rest) -> np.ndarray:
+    """Real parts of the eigenvalues by their magnitudes, the largest first."""
+    found = rest.eigenvalues
+    return np.sort(np.real(found) / np.maximum(np.abs(found), 1e-300))[::-1]
 
 
 OWN = (
@@ -67,12 +85,13 @@ OWN = (
     Test("HB", pairs, zero=ENGINE.solved),
     Test("LP", turning, zero=ENGINE.slack, odd=True),
 )
+SWINGS = ("HB", "FL")  # with a period
 
 
 def axis_pair(rest: Rest) -> int | None:
     """Number of the eigenvalue above the axis whose pair is on it; None if both are real."""
     found = rest.eigenvalues
-    near = [(abs(a + b), i) for i, a in enumerate(found) for b in found[:i]]
+    near = [(abs(total), i) for total, i in _sums(found)]
     if not near:
         return None
     at = min(near)[1]
@@ -126,7 +145,7 @@ class Equilibria(AbstractFamily):
 
     def orbit(self, point: Rest, label: str = "") -> Equilibrium:
         period, swing = np.nan, np.zeros(point.z.size - 1)
-        pair = axis_pair(point) if label == "HB" else None
+        pair = axis_pair(point) if label in SWINGS else None
         if pair is not None:
             period = 2.0 * np.pi / abs(point.eigenvalues[pair].imag)
             swing = np.real(point.vectors[:, pair])
@@ -171,6 +190,26 @@ class Equilibria(AbstractFamily):
             return None if axis_pair(before) is axis_pair(after) is None else point
         return None if axis_pair(point) is None else point
 
+    def others(self, leg: Leg, found: list[Event]) -> list[Event]:
+        """Pairs that leave the axis where no sign of the sums says so: it is the same where two of them
+        cross at once, and where nothing is damped there is none."""
+        before, after = ends = leg.before, leg.after
+        # Two pairs that meet on the axis leave it as a root: what is above zero is there at once.
+        damped = max(abs(pairs(end)) for end in ends) > ENGINE.solved
+        label, least = ("HB", 0.0) if damped else ("FL", ENGINE.same)
+        few, many = sorted(int(np.sum(growths(end) > least)) for end in ends)
+        if few == many or (many - few) % 2 or any(event.label == "HB" for event in found):
+            return found
+        begins = Test(label, lambda point: float(growths(point)[many - 1]) - least)
+        if min(abs(begins(end)) for end in ends) <= ENGINE.solved:
+            return found
+        found = [event for event in found if event.label != "HB?"]
+        at = zero_between(self.onward, before, after, leg.distance, begins)
+        if not isinstance(at, Failure):
+            return [*found, Event(label, at)]
+        words = f"not located: between here and {after.values[0]:.10g}, {at.result}"
+        return [*found, Event(f"{label}?", before, words)]
+
     def remeasure(self, points: list[Rest], new: Rest) -> Rest:
         states = np.stack([point.z for point in (*points, new)])
         measure = next_measure(points[-1].measure, points[-1], new, np.ptp(states, axis=0))
@@ -185,6 +224,8 @@ class Equilibria(AbstractFamily):
         while isinstance(new, Rest) and distance == first and _double(new) and not _double(point):
             first *= ACCURACY.shorter  # near a branch point the tangent is not known
             new, distance = next_point(self, point, first)
+        while isinstance(new, Rest) and distance > ACCURACY.shortest * longest and _several(point, new):
+            new, distance = next_point(self, point, ACCURACY.shorter * distance)
         if isinstance(new, Failure):
             words = "not_converged: the next equilibrium was not found"
             yield Event("EP", point, words, ends=True)
@@ -204,6 +245,13 @@ def strays(point: Rest, new: Rest, measure: Measure, size: np.ndarray) -> bool:
     # Only a sign that is wrong, or a size, says so: near its beginning the tangents hardly predict it.
     most = ACCURACY.follows * np.maximum(np.abs(move), np.abs(expected)) + least
     return bool(np.any((size == 0.0) & (np.abs(move - expected) > most)))
+
+
+def _several(point: Rest, new: Rest) -> bool:
+    """Whether more than one pair of eigenvalues has crossed the axis."""
+    counts = [int(np.sum(growths(p) > 0.0)) for p in (point, new)]
+    damped = min(abs(pairs(p)) for p in (point, new)) > ENGINE.solved
+    return damped and abs(counts[1] - counts[0]) > 2
 
 
 def _double(point: Rest) -> bool:

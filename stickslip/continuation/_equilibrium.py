@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import PyTree
 
 from ..hybrid import AbstractHybridSystem
+from ..hybrid.accuracy import ACCURACY as ENGINE
 from ..hybrid.components import components_of
 
 
@@ -15,8 +16,8 @@ class Equilibrium(eqx.Module):
 
     - `y`: the state; `mode`: number of the mode.
     - `eigenvalues` [1/s], `[size]`: of the linear motion about it, fastest growth first.
-    - `period` [s]: of the pair on the imaginary axis at a Hopf point; otherwise NaN. `swing`, `[size]`:
-      the real part of its eigenvector as a flat state; otherwise zeros.
+    - `period` [s]: of the pair on the imaginary axis at a Hopf point or at flutter; otherwise NaN.
+      `swing`, `[size]`: the real part of its eigenvector as a flat state; otherwise zeros.
     """
 
     y: PyTree
@@ -37,8 +38,11 @@ class Equilibrium(eqx.Module):
 
     @property
     def stable(self) -> np.ndarray:
-        """Whether all eigenvalues have negative real parts."""
-        return np.all(np.real(self.eigenvalues) < 0.0, axis=-1)
+        """Whether all eigenvalues have negative real parts, beyond rounding: what nothing damps is
+        not."""
+        found = self.eigenvalues
+        largest = np.max(np.abs(found), axis=-1, keepdims=True, initial=0.0)
+        return np.all(np.real(found) < -ENGINE.some_roundings * largest, axis=-1)
 
     def columns(self, system: AbstractHybridSystem) -> dict[str, Any]:
         """Columns of a dataset along `point`: state, stability, eigenvalues."""

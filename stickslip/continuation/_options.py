@@ -11,7 +11,7 @@ from ..hybrid import AdaptiveStep, Integrator
 from ._accuracy import ACCURACY
 
 # Labels of events that are the toolkit's own.
-LABELS = ("LP", "PD", "NS", "BP", "HB", "GR", "SQ", "UZ", "EP")
+LABELS = ("LP", "PD", "NS", "BP", "HB", "FL", "GR", "SQ", "UZ", "EP")
 
 
 class Follow(eqx.Module):
