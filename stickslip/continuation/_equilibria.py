@@ -20,6 +20,7 @@ from ._family import (
     Leg,
     Reached,
     Test,
+    least_with_sign,
     longer,
     next_point,
     zero_between,
@@ -55,11 +56,8 @@ def crossing(rest: Rest) -> float:
 
 def pairs(rest: Rest) -> float:
     r"""Least $|\lambda_i + \lambda_j|$, by the larger of the two, with the sign of the product of all
-    sums: zero with a pair on the imaginary axis. The product itself is rounding where many modes are
-    hardly damped."""
-    totals = [total for total, _ in _sums(rest.eigenvalues)]
-    sign = np.prod([total / abs(total) if total else 0.0 for total in totals])
-    return float(min(map(abs, totals), default=1.0) * np.sign(np.round(np.real(sign))))
+    sums: zero with a pair on the imaginary axis."""
+    return least_with_sign(total for total, _ in _sums(rest.eigenvalues))
 
 
 def _sums(found: np.ndarray) -> list[tuple[complex, int]]:

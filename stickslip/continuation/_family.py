@@ -2,9 +2,10 @@
 
 import abc
 import dataclasses
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
+import numpy as np
 from scipy.optimize import brentq
 
 from ._accuracy import ACCURACY
@@ -230,6 +231,17 @@ def next_point(family: AbstractFamily, point: Any, distance: float) -> tuple[Any
 def longer(family: AbstractFamily, new: Any, distance: float, longest: float) -> float:
     """Length of the step after one that succeeded."""
     return min(distance * ACCURACY.longer, longest) if family.is_quick(new) else distance
+
+
+def least_with_sign(factors: Iterable[complex]) -> float:
+    """The least magnitude, at most 1, with the sign of the product of all, which is real.
+
+    The product itself is rounding where many factors are small, as of modes that are hardly damped.
+    """
+    found = np.array([1.0, *factors], complex)
+    sizes = np.abs(found)
+    sign = np.prod(found / np.where(sizes > 0.0, sizes, 1.0))
+    return float(np.min(sizes) * np.sign(np.round(np.real(sign))))
 
 
 def zero_between(

@@ -178,10 +178,13 @@ class PeriodicOrbit(eqx.Module):
 
 
 def beyond(multipliers: Given[Complex[Array, "*batch multiplier"]], count: Any) -> Any:
-    """How many multipliers are not inside the unit circle, without so many that are nearest to 1."""
+    """How many multipliers are not inside the unit circle, without so many that are nearest to 1.
+
+    On it, to rounding, is not inside: what nothing damps.
+    """
     xp = _numpy_of(multipliers)
     order = xp.argsort(xp.abs(multipliers - 1.0), axis=-1)
-    outside = xp.take_along_axis(~(xp.abs(multipliers) < 1.0), order, axis=-1)
+    outside = xp.take_along_axis(~(xp.abs(multipliers) < 1.0 - ENGINE.solved), order, axis=-1)
     number = np.arange(multipliers.shape[-1], dtype=np.int32)
     left = number.reshape(*(1,) * (multipliers.ndim - 1), -1) >= xp.asarray(count)[..., None]
     return xp.sum(outside & left, axis=-1, dtype=np.int32)

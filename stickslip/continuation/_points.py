@@ -8,7 +8,7 @@ import numpy as np
 from ..hybrid.accuracy import ACCURACY as ENGINE
 from ._accuracy import ACCURACY
 from ._along import Problem
-from ._family import Failure
+from ._family import Failure, least_with_sign
 from ._orbit import PeriodicOrbit
 from ._point import Candidate, Point, describe, is_astray, solve_ahead
 
@@ -38,6 +38,14 @@ def torus(point: Point) -> float:
         for j in range(i):
             product *= found[i] * found[j] - 1.0
     return float(np.real(product)) if found.size > 1 else 1.0
+
+
+def on_circle(point: Point) -> float:
+    r"""Least $|\mu_i\mu_j - 1|$, with the sign of the product of all: zero where `torus` is, also where
+    many multipliers are near the unit circle."""
+    found = multipliers_of(point.orbit)
+    products = (a * b for i, a in enumerate(found) for b in found[:i])
+    return least_with_sign((ab - 1.0) / max(1.0, abs(ab)) for ab in products)
 
 
 def branching(point: Point) -> float:
