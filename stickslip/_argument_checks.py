@@ -297,14 +297,6 @@ def one_real(owner: Any, name: str, value: Any) -> Any:
     return value
 
 
-def not_negative_number(owner: Any, name: str, value: Any) -> Any:
-    """One number that is not negative, traced or not."""
-    value = one_real(owner, name, value)
-    if is_concrete(value) and not np.isfinite(np.asarray(value)) & (np.asarray(value) >= 0):
-        raise refusal(name, value, "finite and not negative")
-    return value
-
-
 def or_none(rule: Rule) -> Check:
     """The same, or None."""
     check = check_of(rule)
