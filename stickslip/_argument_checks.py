@@ -55,7 +55,6 @@ from ._validation import (
     check_in,
     check_text,
     check_type,
-    is_concrete,
     leaves_of,
     numbers,
     one_concrete,
