@@ -192,21 +192,27 @@ class Equilibria(AbstractFamily):
         """Pairs that leave the axis where no sign of the sums says so: it is the same where two of them
         cross at once, and where nothing is damped there is none."""
         before, after = ends = leg.before, leg.after
-        # Two pairs that meet on the axis leave it as a root: what is above zero is there at once.
-        damped = max(abs(pairs(end)) for end in ends) > ENGINE.solved
-        label, least = ("HB", 0.0) if damped else ("FL", ENGINE.same)
-        few, many = sorted(int(np.sum(growths(end) > least)) for end in ends)
+        (few, less), (many, more) = sorted(_numbers(end) for end in ends)
         if few == many or (many - few) % 2 or any(event.label == "HB" for event in found):
             return found
-        begins = Test(label, lambda point: float(growths(point)[many - 1]) - least)
-        if min(abs(begins(end)) for end in ends) <= ENGINE.solved:
+        size = before.eigenvalues.size
+        if size - few - less == size - many - more:
+            # Those between the ones that grow and the ones that decay stay on the axis.
+            pair = [many - 1, size - more - 1]
+            begins = Test("HB", lambda p: float(np.sum(growths(p)[pair])))
+        elif many - few == more - less:
+            # Two pairs that meet on the axis leave it as a root: what is above zero is there at once.
+            begins = Test("FL", lambda p: float(growths(p)[many - 1]) - ENGINE.same)
+        else:  # a Hopf point at an end
+            return found
+        if begins.sign(before) * begins.sign(after) >= 0:
             return found
         found = [event for event in found if event.label != "HB?"]
         at = zero_between(self.onward, before, after, leg.distance, begins)
         if not isinstance(at, Failure):
-            return [*found, Event(label, at)]
+            return [*found, Event(begins.label, at)]
         words = f"not located: between here and {after.values[0]:.10g}, {at.result}"
-        return [*found, Event(f"{label}?", before, words)]
+        return [*found, Event(f"{begins.label}?", before, words)]
 
     def remeasure(self, points: list[Rest], new: Rest) -> Rest:
         states = np.stack([point.z for point in (*points, new)])
@@ -222,8 +228,10 @@ class Equilibria(AbstractFamily):
         while isinstance(new, Rest) and distance == first and _double(new) and not _double(point):
             first *= ACCURACY.shorter  # near a branch point the tangent is not known
             new, distance = next_point(self, point, first)
-        while isinstance(new, Rest) and distance > ACCURACY.shortest * longest and _several(point, new):
-            new, distance = next_point(self, point, ACCURACY.shorter * distance)
+        while isinstance(new, Rest) and distance > ACCURACY.shortest * longest:
+            if abs(_numbers(new)[0] - _numbers(point)[0]) <= 2:
+                break
+            new, distance = next_point(self, point, ACCURACY.shorter * distance)  # several pairs cross
         if isinstance(new, Failure):
             words = "not_converged: the next equilibrium was not found"
             yield Event("EP", point, words, ends=True)
@@ -245,11 +253,10 @@ def strays(point: Rest, new: Rest, measure: Measure, size: np.ndarray) -> bool:
     return bool(np.any((size == 0.0) & (np.abs(move - expected) > most)))
 
 
-def _several(point: Rest, new: Rest) -> bool:
-    """Whether more than one pair of eigenvalues has crossed the axis."""
-    counts = [int(np.sum(growths(p) > 0.0)) for p in (point, new)]
-    damped = min(abs(pairs(p)) for p in (point, new)) > ENGINE.solved
-    return damped and abs(counts[1] - counts[0]) > 2
+def _numbers(point: Rest) -> tuple[int, int]:
+    """How many eigenvalues grow, and how many decay, beyond rounding."""
+    found = growths(point)
+    return int(np.sum(found > ENGINE.solved)), int(np.sum(found < -ENGINE.solved))
 
 
 def _double(point: Rest) -> bool:

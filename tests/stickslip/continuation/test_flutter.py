@@ -97,6 +97,16 @@ def test_a_body_that_nothing_holds_does_not_hide_the_others():
     assert float(hopf.orbit.period) == pytest.approx(2.0 * np.pi, rel=1e-9)
 
 
+def test_a_mode_that_nothing_damps_does_not_hide_another_one():
+    damping, more = np.diag([0.0, 0.02]), np.diag([0.0, 1.0])
+    branch = followed(Linear(0.0, damping, np.diag([9.0, 1.0]), more_damping=more), (-0.1, 0.103))
+    (hopf,) = branch["HB"]
+    assert hopf.value == pytest.approx(0.02, abs=1e-12)
+    assert float(hopf.orbit.period) == pytest.approx(2.0 * np.pi, rel=1e-9)
+    assert not branch["FL"]
+    assert not branch.orbits.stable.any()
+
+
 def test_two_modes_that_cross_at_once_are_no_secret():
     """The sign of the product of all sums is the same on both sides."""
     system = Linear(0.003, 0.02 * np.eye(2), np.eye(2), more_damping=np.eye(2))
