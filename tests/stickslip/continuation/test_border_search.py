@@ -1,12 +1,13 @@
 """The last orbit before a border is found from ever nearer, on a branch made by hand."""
 
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from stickslip.continuation import _points
+from stickslip.continuation import PeriodicOrbit, _points
+from stickslip.continuation._along import Anchor, Problem
+from stickslip.continuation._closing import Closure
 from stickslip.continuation._family import Failure
 from stickslip.continuation._point import Candidate, Point
 from stickslip.continuation._points import border
@@ -24,14 +25,15 @@ class Line:
     def __init__(self, edge, bend=1.0, lean=0.3, other=True, passes=np.inf, unseen=np.inf):
         self.edge, self.bend, self.lean, self.other = edge, bend, lean, other
         self.passes, self.unseen, self.solved = passes, unseen, 0
-        self.anchor: Any = object()
+        self.anchor = Anchor(*[None] * 9)
 
     def beyond(self, x, y):
         return x + self.lean * (y - self.bend * x * x) > self.edge
 
     def at(self, x) -> Candidate:
         kind = 2 if self.beyond(x, self.bend * x * x) else 1 if x > self.passes else 0
-        closing: Any = SimpleNamespace(sequence=np.array([kind]), num_events=np.array([kind // 2]))
+        told: Any = [None] * 6
+        closing = Closure(*told, sequence=np.array([kind]), num_events=np.array([kind // 2]))
         tangent = np.array([1.0, 2.0 * self.bend * x])
         tangent = tangent / np.linalg.norm(tangent)
         u = np.array([x, self.bend * x * x])
@@ -51,7 +53,7 @@ class Line:
     def describe(self, problem, found):
         if found.u[0] > self.unseen:
             return Failure("not_reproduced")
-        return Point(**vars(found), orbit=SimpleNamespace())  # pyright: ignore[reportArgumentType]
+        return Point(**vars(found), orbit=object.__new__(PeriodicOrbit))
 
     def alike(self, point):
         assert isinstance(point, Point)
@@ -89,6 +91,6 @@ def test_without_a_border_the_whole_way_is_gone(monkeypatch):
 def last_on(monkeypatch, line):
     monkeypatch.setattr(_points, "solve_ahead", line.solve_ahead)
     monkeypatch.setattr(_points, "describe", line.describe)
-    problem: Any = None
+    problem = object.__new__(Problem)  # nothing is asked of it
     last, at = border(problem, line.describe(problem, line.at(0.0)), 0.1, line.alike)
     return last, at, line.solved

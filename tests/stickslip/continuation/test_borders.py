@@ -10,6 +10,7 @@ import pytest
 
 from stickslip.continuation import Follow, _family
 from stickslip.continuation._along import Anchor, Problem
+from stickslip.continuation._closing import Closure
 from stickslip.continuation._corner import led_back
 from stickslip.continuation._kinds import kind_of
 from stickslip.continuation._orbit import PeriodicOrbit
@@ -33,7 +34,8 @@ def point(modes, parameter=0.0, way=1.0, times=None):
     extent = np.ones(1)
     anchor = Anchor(None, 0.0, 1.0, None, extent, extent, extent, None, None)
     u, tangent = np.array([0.0, parameter]), np.array([1.0, way])
-    return Point(u, None, anchor, tangent, np.zeros((1, 2)), None, 1, np.array([parameter]), orbit)
+    closing = Closure(*[None] * 8)
+    return Point(u, None, anchor, tangent, np.zeros((1, 2)), closing, 1, np.array([parameter]), orbit)
 
 
 @pytest.mark.parametrize("turn", range(4))
