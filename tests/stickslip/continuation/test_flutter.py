@@ -44,7 +44,7 @@ def first(n):
     return np.diag(np.eye(n)[0])
 
 
-@pytest.mark.parametrize("n", [1, 8])
+@pytest.mark.parametrize("n", [pytest.param(1, marks=pytest.mark.more), 8])
 def test_one_of_many_modes_with_little_damping(n):
     """The first mode is damped by a hundredth of its critical damping, less `mu`."""
     rates = np.arange(1.0, n + 1)
@@ -122,6 +122,7 @@ def test_two_modes_that_cross_in_one_step_are_two_points():
     assert [p.value for p in branch["HB"]] == pytest.approx([0.02, 0.024], abs=1e-12)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("damped", [False, True])
 def test_random_structures_against_their_eigenvalues(damped):
     """Wherever two more eigenvalues grow, or two fewer, on a fine grid there is a point."""
