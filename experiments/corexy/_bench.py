@@ -133,6 +133,7 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
     chi_squared = float(fit.reduced_chi_squared)
     if chi_squared <= FAR:
         beside = context.stores.parent / f"{context.data.stem}-machine-fitted.json"
+        beside.parent.mkdir(parents=True, exist_ok=True)
         write_machine(final, beside)
         print(f"The machine with these values: {beside}, for --set machine= of the other commands.")
     for name in listed("scored", parameters["scored"]):
