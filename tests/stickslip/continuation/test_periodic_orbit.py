@@ -65,6 +65,7 @@ def test_stick_takes_one_direction_exactly(leine):
 def test_newton_takes_few_evaluations(leine):
     """Of steps whose own noise, to their tolerance, is below that of the residual."""
     assert int(leine.steps) <= 8
+    assert float(leine.residual) <= 1e-11
     assert float(leine.closing_error) < 1e-10
     steps = ss.Integrator("dop853", ss.AdaptiveStep(1e-13, 1e-14))
     guess = OrbitGuess(Motion(1.135, 0.0), 11.0, LEINE.mode_names.index("slip"))
