@@ -25,6 +25,7 @@ from ._family import (
     next_point,
     zero_between,
 )
+from ._newton import newton
 from ._rest import (
     Field,
     Measure,
@@ -302,9 +303,9 @@ def _singular(field: Field, z: np.ndarray, measure: Measure) -> np.ndarray | Non
     r"""Solution of $f + \beta\phi = 0$, $\phi^T f' = 0$, $|\phi| = 1$ with $\beta = 0$, near `z`."""
     rows, columns = measure.rows, measure.columns
     n = rows.size
-    phi, beta = np.linalg.svd(measure.balance(field(z)[1]))[0][:, -1], 0.0
-    before = np.inf
-    for _ in range(ACCURACY.tries):
+
+    def step(last, number):
+        z, phi, beta = last
         values, jacobian = field(z)
         slope, bend = measure.balance(jacobian), field.curvature(z, phi * rows)
         bend = bend * columns[:, None] * columns[None, :]
@@ -317,18 +318,21 @@ def _singular(field: Field, z: np.ndarray, measure: Measure) -> np.ndarray | Non
         )
         right = np.concatenate([values * rows + beta * phi, slope.T @ phi, [phi @ phi - 1.0]])
         if not (np.all(np.isfinite(matrix)) and np.all(np.isfinite(right))):
-            return None
+            return last, np.nan
         lines, stacks = scales_of(matrix)
         scaled = matrix * lines[:, None] * stacks[None, :]
         move = stacks * np.linalg.lstsq(scaled, right * lines, rcond=1e-15)[0]
         z, phi, beta = z - move[: n + 1] * columns, phi - move[n + 1 : -1], beta - move[-1]
         parts = measure.part(move[: n + 1] * columns)
-        longest = float(np.max(np.abs(np.concatenate([parts, move[n + 1 :]]))))
-        if longest <= ACCURACY.short or (longest <= ENGINE.zero and longest >= 0.5 * before):
-            least = np.linalg.svd(measure.balance(field(z)[1]), compute_uv=False)[-1]
-            return z if abs(beta) <= ENGINE.zero and least <= ENGINE.same else None
-        before = longest
-    return None
+        return (z, phi, beta), np.max(np.abs(np.concatenate([parts, move[n + 1 :]])))
+
+    start = z, np.linalg.svd(measure.balance(field(z)[1]))[0][:, -1], 0.0
+    end = newton(step, start, enough=ACCURACY.short, nearly=ENGINE.zero, most=ACCURACY.tries)
+    z, _, beta = end.carried
+    if not end.solved or abs(beta) > ENGINE.zero:
+        return None
+    least = np.linalg.svd(measure.balance(field(z)[1]), compute_uv=False)[-1]
+    return z if least <= ENGINE.same else None
 
 
 def _at_branch_point(

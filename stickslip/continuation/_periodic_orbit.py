@@ -47,7 +47,7 @@ from ._floquet import multipliers_of, split_off, with_ones
 from ._guess import OrbitGuess, check_seen, gained_by
 from ._holding import holds, own_mode
 from ._monodromy import through_events
-from ._newton import Newton, newton
+from ._newton import Newton, damped_newton
 from ._options import SHOOTING, Shooting
 from ._orbit import PeriodicOrbit
 from ._outcome import first_of
@@ -177,7 +177,7 @@ def solve_orbit(
         after = jnp.roll(found.modes, 1).at[0].set(modes[0])
         return residual, jacobian, jnp.where(good, norm, jnp.inf), after, found
 
-    found = newton(
+    found = damped_newton(
         evaluate, unknowns(reach.knots, frame), reach.modes, tolerance=tolerance, most=max_steps,
         longest=lambda u, du: _longest(u, du, frame, jnp.maximum(reach.moves, reach.least)),
     )  # fmt: skip

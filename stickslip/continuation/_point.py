@@ -14,6 +14,7 @@ from ._along import Anchor, Problem, anchor_at, equations_at, orbit_at, system_a
 from ._closing import Closure
 from ._family import Failure
 from ._guess import OrbitGuess, gained_by
+from ._newton import newton
 from ._orbit import PeriodicOrbit
 
 
@@ -144,35 +145,42 @@ def solve(
     sense: np.ndarray | None, tolerance: float = ENGINE.solved, like: Candidate | None = None,
 ) -> Candidate | Failure:  # fmt: skip
     """Newton's method alone; through motions only whose events are `like` those of another."""
-    start, best = u, np.inf
-    for evaluation in range(1, ACCURACY.rounds + 1):
+    start = u
+
+    def step(last, number):
+        u, modes, best = last[-3:]
         residual, jacobian, found = jax.device_get(equations_at(problem, jnp.asarray(u), modes, anchor))
         if not np.all(found.good) or not np.all(np.isfinite(residual)):
-            return Failure("guess_failed")
+            return Failure("guess_failed"), np.nan
         if like is not None and not same_events(found, like.closing):
-            return Failure("mode_differs")
+            return Failure("mode_differs"), np.nan
         norm = float(np.max(np.abs(residual)))
-        if norm <= tolerance or (norm < ACCURACY.stalled * tolerance and norm > 0.5 * best):
-            break
-        if norm > ACCURACY.far * best or evaluation == ACCURACY.rounds:
-            return Failure("not_converged")
-        best = min(best, norm)
-        system = np.vstack([jacobian, along])
-        right = np.append(residual, along @ (u - start))
+        if norm > ACCURACY.far * best:
+            return Failure("not_converged"), np.nan
+        rows, right = np.vstack([jacobian, along]), np.append(residual, along @ (u - start))
         try:
-            step = np.linalg.lstsq(system, right, rcond=ENGINE.slack)[0]
+            du = np.linalg.lstsq(rows, right, rcond=ENGINE.slack)[0]
         except np.linalg.LinAlgError:
-            return Failure("singular")
-        if not np.all(np.isfinite(step)):
-            return Failure("singular")
-        u = u - step * min(1.0, 5.0 / max(np.max(np.abs(step)), 5.0))
-        modes = np.roll(found.modes, 1)
-        modes[0] = found.modes[-1]
+            return Failure("singular"), np.nan
+        if not np.all(np.isfinite(du)):
+            return Failure("singular"), np.nan
+        onward = u - du * min(1.0, 5.0 / max(np.max(np.abs(du)), 5.0))
+        return (u, modes, jacobian, found, onward, np.roll(found.modes, 1), min(best, norm)), norm
+
+    end = newton(
+        step, (u, modes, np.inf), enough=tolerance, nearly=ACCURACY.stalled * tolerance,
+        most=ACCURACY.rounds,
+    )  # fmt: skip
+    if isinstance(end.carried, Failure):
+        return end.carried
+    if not end.solved:
+        return Failure("not_converged")
+    u, modes, jacobian, found, *_ = end.carried
     tangent = tangent_of(jacobian, sense)
     if tangent is None:
         return Failure("singular")
     values = u[-len(problem.names) :] * np.asarray(problem.unit)
-    return Candidate(u, modes, anchor, tangent, jacobian, found, evaluation, values)
+    return Candidate(u, modes, anchor, tangent, jacobian, found, int(end.steps), values)
 
 
 def describe(problem: Problem, found: Candidate) -> Point | Failure:

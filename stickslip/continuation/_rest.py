@@ -13,6 +13,7 @@ from .._jit_by_code import jit_by_code
 from ..analysis.observable import with_parameters
 from ..hybrid.accuracy import ACCURACY as ENGINE
 from ._accuracy import ACCURACY
+from ._newton import newton
 
 
 @dataclasses.dataclass(frozen=True)
@@ -161,15 +162,15 @@ def equilibrium_at(
 
     Without a measure, of a start of which nothing is known, the parameter is not changed.
     """
-    start, before, known = z, np.inf, measure
-    seen = np.abs(z)
-    for evaluation in range(1, ACCURACY.tries + 1):
+    start, known = z, measure
+
+    def step(last, number):
+        z, seen, measure = last
         values, jacobian = field(z)
         if not (np.all(np.isfinite(values)) and np.all(np.isfinite(jacobian))):
-            return None
+            return last, np.nan
         if known is None:
             measure = measure_of(np.append(np.zeros(z.size - 1), 1.0), jacobian)
-        assert measure is not None
         row = along * measure.columns
         length = _or_one(np.linalg.norm(row))
         matrix = np.vstack([measure.balance(jacobian), row / length])
@@ -178,7 +179,7 @@ def equilibrium_at(
         if known is None:
             move[-1] = 0.0
         if not np.all(np.isfinite(move)):
-            return None
+            return last, np.nan
         z = z - move
         seen = np.maximum(seen, np.abs(z))
         if known is None:
@@ -190,14 +191,16 @@ def equilibrium_at(
             waited = measure.size > 0.0
         parts = np.where(move == 0.0, 0.0, np.abs(move) / np.where(size > 0.0, size, 1e-300))
         # A component that does not move along the branch may wander within its rounding for ever.
-        if evaluation >= ACCURACY.least_points:
+        if number + 1 >= ACCURACY.least_points:
             parts = np.where(waited, parts, np.minimum(parts, ACCURACY.short))
-        longest = float(np.max(parts))
-        if longest <= ACCURACY.short or (longest <= ENGINE.zero and longest >= 0.5 * before):
-            break
-        before = longest
-    else:
+        return (z, seen, measure), np.max(parts)
+
+    end = newton(
+        step, (z, np.abs(z), measure), enough=ACCURACY.short, nearly=ENGINE.zero, most=ACCURACY.tries
+    )
+    if not end.solved:
         return None
+    z, seen, measure = end.carried
     if known is None:
         z = _still(field, z, seen)
     return describe_rest(field, z, sense, measure)
