@@ -1,15 +1,15 @@
 """Command line: `python -m stickslip` lists the names, `NAME` shows one, `--find WORD` looks one up."""
 
 import argparse
-import importlib.util
-import inspect
+import importlib
 import shutil
 import sys
 import textwrap
-from typing import Any
 
+from ._descriptions import docstring_of, methods_of, signature_of
 from ._glossary import terms_with, without_links
-from ._public import FOR_BUILDERS, PACKAGES, Public, first_sentence, names_in, public_names
+from ._public import FOR_BUILDERS, PACKAGES, Public, first_sentence, public, public_names
+from ._sources import file_of
 from ._version import __version__
 
 # First words of commands about the store of a sweep.
@@ -20,11 +20,12 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the command line; returns the exit status."""
     given = sys.argv[1:] if arguments is None else arguments
     if given[:1] == ["view"]:
-        # Only now: it reads files, for which much is imported.
+        _import_whole()
         from .view.command import main as view
 
         return view(given[1:])
     if given[:1] and given[0] in SWEEPS:
+        _import_whole()
         from .sweep.command import main as sweeps
 
         return sweeps(given)
@@ -45,29 +46,16 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(given)
     if options.find is not None:
         return _find(options.find)
-    packages = _installed_packages()
     if options.name is not None:
-        # To import them all takes two seconds; their files tell in which of them a name can be.
-        words = set(options.name.split("."))
-        packages = [p for p in packages if words & {p.split(".")[-1], *names_in(p)}] or packages
-    found = [entry for package in packages for entry in public_names(package)]
+        pages = _pages(options.name)
+        if pages:
+            print("\n\n".join(pages))
+            return 0
+    found = _names()
     if options.name is None:
         print(_listing([entry for entry in found if entry.package not in FOR_BUILDERS]))
         print(f"\nFor packages that are built on these: {', '.join(FOR_BUILDERS)}")
         return 0
-    chosen = [entry for entry in found if options.name in _spellings(entry)]
-    if chosen:
-        print("\n\n".join(_page(entry) for entry in chosen))
-        return 0
-    inside = [entry for entry in found if _is_package(options.name, entry.package)]
-    if inside:
-        print(_listing(inside))
-        return 0
-    methods = [page for entry in found for page in _method_pages(entry, options.name)]
-    if methods:
-        print("\n\n".join(methods))
-        return 0
-    found = [entry for package in _installed_packages() for entry in public_names(package)]
     word = options.name.split(".")[-1].lower()
     near = sorted({f"{e.package}.{e.name}" for e in found if word in e.name.lower()})
     hint = f" Names like it: {', '.join(near[:8])}." if near else ""
@@ -82,8 +70,7 @@ def _find(text: str) -> int:
         return 2
     terms = terms_with(text)
     words = text.lower().split()
-    entries = [e for package in _installed_packages() for e in public_names(package)]
-    names = [e for e in entries if all(w in f"{e.name} {e.summary}".lower() for w in words)]
+    names = [e for e in _names() if all(w in f"{e.name} {e.summary}".lower() for w in words)]
     blocks = [_entry(term.words, term.meaning, without_links(term.here)) for term in terms]
     if names:
         blocks.append("\n".join(_rows([(f"{e.package}.{e.name}", e.summary) for e in names])))
@@ -102,43 +89,64 @@ def _entry(words: str, *texts: str) -> str:
 
 def _installed_packages() -> list[str]:
     """The packages that are there; `corexy_jax` may be left out of an installation."""
-    return [p for p in PACKAGES if importlib.util.find_spec(p.split(".")[0]) is not None]
+    return [p for p in PACKAGES if file_of(p) is not None]
 
 
-def _spellings(entry: Public) -> tuple[str, ...]:
-    short = f"{entry.package}.{entry.name}".removeprefix("stickslip.")
-    return entry.name, short, f"{entry.package}.{entry.name}"
+def _names() -> list[Public]:
+    return [entry for package in _installed_packages() for entry in public_names(package)]
 
 
-def _is_package(name: str, package: str) -> bool:
-    return name in (package, package.removeprefix("stickslip."))
+def _pages(name: str) -> list[str]:
+    """Pages of what is called so: names, or a package, or methods."""
+    names, packages, methods = [], [], []
+    for package in _installed_packages():
+        short = package.removeprefix("stickslip.")
+        if name in (package, short):
+            packages.append(_listing(list(public_names(package))))
+        for prefix in {"", f"{package}.", f"{short}."}:
+            owner, *rest = name.removeprefix(prefix).split(".")
+            entry = public(package, owner) if name.startswith(prefix) and len(rest) < 2 else None
+            if entry is None:
+                continue
+            if rest:
+                methods += _method_page(entry, *rest)
+            else:
+                names.append(_page(entry))
+    return names or packages or methods
+
+
+def _page(entry: Public) -> str:
+    """Signature and docstring, as `help` has them; of a class the names of its methods too."""
+    whole = f"{entry.package}.{entry.name}"
+    if not (entry.is_class or entry.is_function):
+        _import_whole()
+        return f"{whole}\n\n{getattr(importlib.import_module(entry.package), entry.name)!r}"
+    text = f"{whole}{signature_of(entry.source)}\n\n{docstring_of(entry.source)}"
+    rows = [
+        (name if method.is_property else f"{name}()", first_sentence(method.docstring))
+        for name, method in methods_of(entry.source).items()
+    ]
+    return "\n".join([text, "", "Methods and properties:", *_rows(rows)]) if rows else text
+
+
+def _method_page(entry: Public, name: str) -> list[str]:
+    """The page of a method that is asked for as `Class.method`."""
+    method = methods_of(entry.source).get(name)
+    if method is None:
+        return []
+    call = "" if method.is_property else signature_of(method.source)
+    return [f"{entry.package}.{entry.name}.{name}{call}\n\n{method.docstring}"]
 
 
 def _listing(entries: list[Public]) -> str:
     lines, package = [], None
-    rows = _rows([(_with_brackets(e.name, e.thing), e.summary) for e in entries])
+    rows = _rows([(f"{e.name}()" if e.is_function else e.name, e.summary) for e in entries])
     for entry, row in zip(entries, rows, strict=True):
         if entry.package != package:
             lines += [""] * (package is not None) + [entry.package]
             package = entry.package
         lines.append(row)
     return "\n".join(lines)
-
-
-def _page(entry: Public) -> str:
-    """Signature and docstring, as `help` has them; of a class the names of its methods too."""
-    what = inspect.getdoc(entry.thing) if callable(entry.thing) else repr(entry.thing)
-    text = f"{entry.package}.{entry.name}{_signature(entry.thing)}\n\n{what}"
-    methods = _methods(entry.thing)
-    if not methods:
-        return text
-    rows = [(_with_brackets(name, m), first_sentence(inspect.getdoc(m))) for name, m in methods.items()]
-    return "\n".join([text, "", "Methods and properties:", *_rows(rows)])
-
-
-def _with_brackets(name: str, thing: Any) -> str:
-    """The name, with brackets if it is that of a function or a method."""
-    return f"{name}()" if callable(thing) and not inspect.isclass(thing) else name
 
 
 def _rows(rows: list[tuple[str, str]]) -> list[str]:
@@ -150,39 +158,11 @@ def _rows(rows: list[tuple[str, str]]) -> list[str]:
     return [line if len(line) <= width else f"{line[: width - 3]}..." for line in lines]
 
 
-def _signature(thing: Any) -> str:
-    try:
-        found = inspect.signature(thing).parameters.values()
-        # Types are long; what is allowed stands below.
-        return str(inspect.Signature([p.replace(annotation=p.empty) for p in found]))
-    except (TypeError, ValueError):
-        return ""
-
-
-def _methods(thing: Any) -> dict[str, Any]:
-    """Public methods and properties of a class with a docstring of their own or a base's of ours."""
-    if not inspect.isclass(thing):
-        return {}
-    found = {}
-    for base in reversed(thing.__mro__):
-        if base.__module__.split(".")[0] not in {p.split(".")[0] for p in PACKAGES}:
-            continue
-        for name in vars(base):
-            value = getattr(thing, name, None)
-            shown = callable(value) or isinstance(value, property)
-            if not name.startswith("_") and shown and inspect.getdoc(value):
-                found[name] = value
-    return found
-
-
-def _method_pages(entry: Public, name: str) -> list[str]:
-    """The page of a method that is asked for as `Class.method`."""
-    whole, _, method = name.rpartition(".")
-    found = _methods(entry.thing).get(method) if whole in _spellings(entry) else None
-    if found is None:
-        return []
-    head = f"{entry.package}.{entry.name}.{method}{_signature(found)}"
-    return [f"{head}\n\n{inspect.getdoc(found)}"]
+def _import_whole() -> None:
+    """Import all of the package. Where Python has found it for this command it is hardly begun."""
+    package = importlib.import_module("stickslip")
+    if not hasattr(package, "simulate"):
+        importlib.reload(package)
 
 
 if __name__ == "__main__":

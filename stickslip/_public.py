@@ -1,14 +1,12 @@
 """Names that the packages export, in one place: for the command line, the site and the tests."""
 
 import ast
-import importlib
-import importlib.util
-import inspect
-import pathlib
 import re
 from collections.abc import Iterator
-from types import ModuleType
-from typing import Any, NamedTuple
+from typing import NamedTuple
+
+from ._descriptions import docstring_of
+from ._sources import Source, bound_names, definition, value_of
 
 # A full stop before a capital ends a sentence, but not that of "Eqs. (1)" or "e.g. a block".
 _END = re.compile(r"(?<=\.)(?<!Eqs\.)(?<!Eq\.)(?<!e\.g\.) (?=[A-Z`$])")
@@ -44,56 +42,46 @@ class Public(NamedTuple):
 
     package: str
     name: str
-    thing: Any
+    source: Source
     summary: str
 
+    @property
+    def is_class(self) -> bool:
+        return isinstance(self.source.statement, ast.ClassDef)
 
-def names_in(package: str) -> set[str]:
-    """Names that the file of a package binds, read without importing it: more than the public ones."""
-    found = importlib.util.find_spec(package)
-    if found is None or found.origin is None:
-        return set()
-    tree = ast.parse(pathlib.Path(found.origin).read_text(encoding="utf-8"))
-    names = set()
-    for node in ast.walk(tree):
-        if isinstance(node, ast.ImportFrom | ast.Import):
-            names |= {alias.asname or alias.name for alias in node.names}
-        elif isinstance(node, ast.FunctionDef | ast.ClassDef):
-            names.add(node.name)
-        elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
-            names.add(node.id)
-    return names
+    @property
+    def is_function(self) -> bool:
+        return isinstance(self.source.statement, ast.FunctionDef)
+
+
+def public(package: str, name: str) -> Public | None:
+    """A public class, function or value of ours in `package`.
+
+    A name that the root package exports too is not one: it is listed there.
+    """
+    root = package.split(".")[0]
+    source = None if name.startswith("_") else definition(package, name)
+    if source is None or source.module.split(".")[0] != root:
+        return None
+    if package != root and definition(root, name) == source:
+        return None
+    statement = source.statement
+    if not isinstance(statement, ast.Assign | ast.AnnAssign):
+        return Public(package, name, source, first_sentence(docstring_of(source)))
+    value = value_of(statement, name)
+    text = "" if value is None else ast.unparse(value)
+    return Public(package, name, source, text if len(text) <= 60 else f"{text[:57]}...")
 
 
 def public_names(package: str) -> Iterator[Public]:
-    """Public classes, functions and values of ours in `package`, in alphabetical order.
-
-    A name that the root package exports too is listed there.
-    """
-    module = importlib.import_module(package)
-    root = importlib.import_module(package.split(".")[0])
-    for name in sorted(getattr(module, "__all__", None) or vars(module), key=str.lower):
-        thing = getattr(module, name)
-        if name.startswith("_") or name == "TYPE_CHECKING" or isinstance(thing, ModuleType):
-            continue
-        if module is not root and vars(root).get(name) is thing:
-            continue
-        where = getattr(thing, "__module__", None) or ""
-        described = inspect.isclass(thing) or inspect.isroutine(thing)
-        if described and where.split(".")[0] != package.split(".")[0]:
-            continue
-        summary = first_sentence(inspect.getdoc(thing)) if described else _of_value(thing)
-        yield Public(package, name, thing, summary)
+    """All of them, in alphabetical order."""
+    for name in sorted(set(bound_names(package)), key=str.lower):
+        entry = public(package, name)
+        if entry is not None:
+            yield entry
 
 
 def first_sentence(text: str | None) -> str:
     """The first paragraph of a docstring up to its first full stop, on one line."""
     paragraph = " ".join((text or "").split("\n\n")[0].split())
     return _END.split(paragraph, maxsplit=1)[0].rstrip(",:")
-
-
-def _of_value(thing: Any) -> str:
-    if callable(thing):
-        return first_sentence(inspect.getdoc(type(thing)))
-    text = repr(thing).replace("\n", " ")
-    return text if len(text) <= 60 else f"{text[:57]}..."

@@ -1,16 +1,15 @@
 """Pages that nobody writes by hand: the reference of every public name, glossary and gallery."""
 
-import importlib
-import inspect
 import json
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 from experiments._experiment import natural
+from stickslip._descriptions import docstring_of, methods_of, signature_of
 from stickslip._glossary import glossary
 from stickslip._public import PACKAGES, Public, first_sentence, public_names
+from stickslip._sources import docstring_of_module
 
 ROOT = Path(__file__).parents[2]
 RECORDS = ROOT / "experiments" / "records"
@@ -26,8 +25,6 @@ TOPICS = {
 }
 _FENCE = ":" * 5
 _IMAGES = "_images"  # where the built site has its pictures, seen from a page
-# A call that a reader would not write: the machinery of pytrees and of named tuples.
-_INHERITED = {"_asdict", "_make", "_replace", "count", "index"}
 
 
 def write_pages(source: Path) -> None:
@@ -50,7 +47,7 @@ def _write(path: Path, text: str) -> None:
 def _api_index() -> str:
     rows = []
     for package in PACKAGES:
-        about = first_sentence(inspect.getdoc(importlib.import_module(package)))
+        about = first_sentence(docstring_of_module(package))
         names = ", ".join(_link(entry) for entry in public_names(package))
         rows.append(f"**[{package}]({package}.md)**: {about} {names}.\n")
     tree = "\n".join(PACKAGES)
@@ -66,76 +63,30 @@ def _link(entry: Public, title: str = "") -> str:
 
 
 def _api_page(package: str) -> Iterator[str]:
-    module = importlib.import_module(package)
     yield f"# {package}\n"
-    yield markdown(inspect.getdoc(module) or "")
+    yield markdown(docstring_of_module(package))
     yield f"\n```{{py:currentmodule}} {package}\n```\n"
     for entry in public_names(package):
         yield from _entry(entry)
 
 
 def _entry(entry: Public) -> Iterator[str]:
-    thing = entry.thing
+    source = entry.source
     yield f"\n## {entry.name}\n"
-    if inspect.isclass(thing):
-        yield f"{_FENCE}{{py:class}} {entry.name}{signature(thing)}\n"
-        yield markdown(inspect.getdoc(thing) or "")
-        for name, method in _methods(thing):
-            kind = "py:property" if isinstance(method, property) else "py:method"
-            call = "" if kind == "py:property" else signature(method, bound=True)
-            yield f"\n{_FENCE[:-1]}{{{kind}}} {name}{call}\n"
-            yield markdown(inspect.getdoc(method) or "")
-            yield _FENCE[:-1]
-    elif inspect.isroutine(thing):
-        yield f"{_FENCE}{{py:function}} {entry.name}{signature(thing)}\n"
-        yield markdown(inspect.getdoc(thing) or "")
+    if entry.is_class or entry.is_function:
+        kind = "py:class" if entry.is_class else "py:function"
+        yield f"{_FENCE}{{{kind}}} {entry.name}{signature_of(source)}\n"
+        yield markdown(docstring_of(source))
     else:
         yield f"{_FENCE}{{py:data}} {entry.name}\n"
-        yield f"`{entry.summary}`" if not callable(thing) else markdown(inspect.getdoc(thing) or "")
+        yield f"`{entry.summary}`"
+    for name, method in sorted(methods_of(source).items()):
+        kind = "py:property" if method.is_property else "py:method"
+        call = "" if method.is_property else signature_of(method.source, bound=True)
+        yield f"\n{_FENCE[:-1]}{{{kind}}} {name}{call}\n"
+        yield markdown(method.docstring)
+        yield _FENCE[:-1]
     yield _FENCE
-
-
-def _methods(cls: type) -> Iterator[tuple[str, Any]]:
-    """Public methods and properties of ours, in the order of their names."""
-    for name in sorted(dir(cls)):
-        owner = next((c for c in cls.__mro__ if name in vars(c)), None)
-        if name.startswith("_") or name in _INHERITED or owner is None:
-            continue
-        if owner.__module__.split(".")[0] not in ("stickslip", "corexy_jax"):
-            continue
-        thing = inspect.getattr_static(cls, name)
-        thing = getattr(thing, "__func__", getattr(thing, "method", thing))
-        if isinstance(thing, property) or inspect.isfunction(thing):
-            yield name, thing
-
-
-def signature(thing: Any, *, bound: bool = False) -> str:
-    """Names and defaults; what is allowed stands in the docstring."""
-    try:
-        found = inspect.signature(thing)
-    except (TypeError, ValueError):
-        return ""
-    parameters = list(found.parameters.values())
-    if bound and parameters and parameters[0].name in ("self", "cls"):
-        parameters = parameters[1:]
-    short = [
-        p.replace(annotation=p.empty, default=p.default if p.default is p.empty else _Shown(p.default))
-        for p in parameters
-    ]
-    return str(inspect.Signature(short))
-
-
-class _Shown:
-    """A default as a reader would write it."""
-
-    def __init__(self, value: Any):
-        text = repr(value)
-        if callable(value) or " at 0x" in text or "\n" in text or len(text) > 40:
-            text = getattr(value, "__name__", None) or type(value).__name__ + "(...)"
-        self.text = text
-
-    def __repr__(self) -> str:
-        return self.text
 
 
 def markdown(text: str) -> str:

@@ -85,12 +85,6 @@ def test_docstrings_are_turned_into_pages(pages):
     ]  # fmt: skip
 
 
-def test_signatures_show_what_a_reader_would_write(pages):
-    def f(self, a: int, *, b=1.5, call=len, rest=tuple(range(40))): ...
-
-    assert pages.signature(f, bound=True) == "(a, *, b=1.5, call=len, rest=tuple(...))"
-
-
 @pytest.mark.more
 def test_the_site_builds_without_a_warning(tmp_path):
     pytest.importorskip("myst_nb", reason="the extra `docs` is not installed")

@@ -8,7 +8,8 @@ import pytest
 
 from stickslip.__main__ import main
 from stickslip._glossary import glossary
-from stickslip._public import FOR_BUILDERS, PACKAGES, first_sentence, names_in, public_names
+from stickslip._public import FOR_BUILDERS, PACKAGES, first_sentence, public_names
+from stickslip._sources import bound_names
 from tests.house._repository import ROOT
 
 
@@ -86,17 +87,6 @@ def test_a_reader_that_has_seen_enough_is_no_error():
     assert "Traceback" not in done.stderr
 
 
-@pytest.mark.more
-def test_a_name_is_found_without_importing_what_cannot_have_it():
-    """Every public name, in the files of the packages as in the packages."""
-    for package in PACKAGES:
-        assert {entry.name for entry in public_names(package)} <= names_in(package)
-    code = "import sys; from stickslip.__main__ import main; main(['Stribeck']); print(*sys.modules)"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert "stickslip.friction" in done.stdout
-    assert "stickslip.identification" not in done.stdout
-
-
 WORDS = (
     "stiction, Jenkins, Masing, Iwan, Stribeck, presliding, hunting, squeal, backlash, Karnopp, "
     "planar, complementarity, time stepping, Filippov, saltation matrix, Poincaré section, "
@@ -125,7 +115,7 @@ def test_the_glossary_is_sorted_and_names_what_is_there():
     assert words == sorted(words)
     single = [word for line in words for word in line.split(", ")]
     assert [word for word in single if single.count(word) > 1] == []
-    known = {name for package in PACKAGES for name in names_in(package)}
+    known = {name for package in PACKAGES for name in bound_names(package)}
     for term in glossary():
         assert term.meaning.endswith(".")
         assert term.here.endswith(".")
