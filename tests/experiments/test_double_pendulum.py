@@ -187,6 +187,7 @@ def test_inverse_dynamics_of_the_measured_records():
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:The fit converged")  # the models leave more than the noise
 def test_statements_on_the_measured_records(tmp_path):
     measured()
     folder = pathlib.Path(os.environ[_data.VARIABLE])

@@ -84,6 +84,7 @@ def test_records_of_another_format(tmp_path, capsys, monkeypatch):
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:The fit converged")  # no law explains all of the record
 def test_statements_on_the_measured_record(tmp_path):
     try:
         load(None)

@@ -56,6 +56,7 @@ def test_a_further_record(kind, tmp_path, capsys):
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:The fit converged")  # no law explains all of the record
 def test_further_trajectories(tmp_path, capsys):
     changes = ["records=3", "scored=5,2"]
     _output.run(of_arm.EXPERIMENT, tmp_path, quick=True, data=_folder(), changes=changes)

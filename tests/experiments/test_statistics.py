@@ -193,8 +193,8 @@ def test_the_end_of_an_interval_is_where_scipy_finds_the_rise():
         return 2.0 * run.cost
 
     lowest = least({})
-    for i, name in enumerate(coverage.NAMES):
-        for end in (float(found.lower[i]), float(found.upper[i])):
+    for name in coverage.NAMES:
+        for end in (float(found.lower[name]), float(found.upper[name])):
             assert least({name: end}) - lowest == pytest.approx(scipy.stats.chi2.ppf(0.95, 1), rel=1e-3)
 
 
