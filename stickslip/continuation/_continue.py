@@ -86,7 +86,8 @@ def continue_orbit(
     from the prediction than the curvature explains is on another branch, and an orbit beyond a border
     belongs to the branch only if its own branch leads back there. A branch of doubled orbits ends
     where it meets the orbit that it doubles, at its doubling. A special point that the search did not
-    find is labelled with a question mark, `LP?`, and between which orbits it lies.
+    find is labelled with a question mark, `LP?`, and between which orbits it lies; where several
+    multipliers pass at once, as of two machines that are alike, its `words` say so.
 
     The loop is Python and runs outside `jit`; it compiles three programs for the first branch of a
     system and none for later ones. Of a `GR` point `words` name the sliding bifurcation.

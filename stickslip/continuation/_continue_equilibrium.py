@@ -65,7 +65,8 @@ def continue_equilibrium(
     two pairs on the axis meet and leave it), `UZ` and `EP` (end, with the reason). From an `HB` point
     `continue_orbit` follows the periodic orbits that are born there. It runs outside `jit`. A branch
     point at which the parameter turns, as along one branch of a pitchfork, is a `BP` and not an `LP`.
-    A point that is not located has a question mark, `LP?`, and words between which states it lies.
+    Where several eigenvalues pass at once, as of two machines that are alike, the `words` of its point
+    say so. One that is not located has a question mark, `LP?`, and words between which states it lies.
     Results do not depend on the units of state, time and parameter.
 
     **Errors** `ValueError`/`TypeError` naming the argument; also where Newton's method finds no

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..hybrid.accuracy import ACCURACY as ENGINE
 from ._accuracy import ACCURACY
+from ._crossings import PAIR, RIGHT, next_point_with_few, partners, passing, several_at_once
 from ._equilibrium import Equilibrium
 from ._family import (
     AbstractFamily,
@@ -22,7 +23,6 @@ from ._family import (
     Test,
     least_with_sign,
     longer,
-    next_point,
     zero_between,
 )
 from ._newton import newton
@@ -67,7 +67,7 @@ def _sums(found: np.ndarray) -> list[tuple[complex, int]]:
     Without those of two zeros, as of a body that nothing holds.
     """
     none = ENGINE.some_roundings * np.max(np.abs(found), initial=0.0)
-    both = [(a, b, i) for i, a in enumerate(found) for b in found[:i]]
+    both = [(found[i], found[j], i) for i, j in partners(found)]
     sizes = [max(abs(a), abs(b)) for a, b, _ in both]
     pairs = zip(both, sizes, strict=True)
     return [((a + b) / size, i) for (a, b, i), size in pairs if size > none]
@@ -77,6 +77,21 @@ def growths(rest: Rest) -> np.ndarray:
     """Real parts of the eigenvalues by their magnitudes, the largest first."""
     found = rest.eigenvalues
     return np.sort(np.real(found) / np.maximum(np.abs(found), 1e-300))[::-1]
+
+
+def growing(rest: Rest) -> np.ndarray:
+    """Eigenvalues that grow beyond rounding, the fastest first in parts of their magnitudes."""
+    found = rest.eigenvalues
+    rates = np.real(found) / np.maximum(np.abs(found), 1e-300)
+    order = np.argsort(-rates)
+    return found[order][rates[order] > ENGINE.solved]
+
+
+def _real_rates(rest: Rest, kind: str) -> np.ndarray:
+    """Those of the eigenvalues of a real kind and of its negatives, by the largest of all, in order."""
+    found = rest.eigenvalues
+    real = np.real(found[np.abs(found.imag) <= ENGINE.same * np.abs(found)])
+    return np.sort(real)[::-1] / max(np.max(np.abs(found)), 1e-300)
 
 
 OWN = (
@@ -192,10 +207,13 @@ class Equilibria(AbstractFamily):
     def others(self, leg: Leg, found: list[Event]) -> list[Event]:
         """Pairs that leave the axis where no sign of the sums says so: it is the same where two of them
         cross at once, and where nothing is damped there is none."""
+        found = several_at_once(self, growing, leg, found, RIGHT, ("BP", "LP"), _real_rates)
         before, after = ends = leg.before, leg.after
         (few, less), (many, more) = sorted(_numbers(end) for end in ends)
         if few == many or (many - few) % 2 or any(event.label == "HB" for event in found):
             return found
+        if not passing(growing(before), growing(after))[PAIR]:
+            return [event for event in found if event.label != "HB?"]
         size = before.eigenvalues.size
         if size - few - less == size - many - more:
             # Those between the ones that grow and the ones that decay stay on the axis.
@@ -225,14 +243,10 @@ class Equilibria(AbstractFamily):
         self, points: list[Rest], distance: float, longest: float
     ) -> Iterator[Leg | Gap | Event | Reached]:
         point, first = points[-1], distance
-        new, distance = next_point(self, point, distance)
+        new, distance = next_point_with_few(self, growing, point, distance, longest)
         while isinstance(new, Rest) and distance == first and _double(new) and not _double(point):
             first *= ACCURACY.shorter  # near a branch point the tangent is not known
-            new, distance = next_point(self, point, first)
-        while isinstance(new, Rest) and distance > ACCURACY.shortest * longest:
-            if abs(_numbers(new)[0] - _numbers(point)[0]) <= 2:
-                break
-            new, distance = next_point(self, point, ACCURACY.shorter * distance)  # several pairs cross
+            new, distance = next_point_with_few(self, growing, point, first, longest)
         if isinstance(new, Failure):
             words = "not_converged: the next equilibrium was not found"
             yield Event("EP", point, words, ends=True)
@@ -283,7 +297,8 @@ def _branch_point(
         width = measure.length(high[1].z - low[1].z)
         if point is not None and measure.length(point - guess) <= width:
             at = along @ (point - rest.z)
-            if low[0] - 0.1 * width <= at <= high[0] + 0.1 * width:
+            slack = ENGINE.same * width  # beyond lies another one
+            if low[0] - slack <= at <= high[0] + slack:
                 return _at_branch_point(field, point, high[1].z - low[1].z, measure)
         middle = 0.5 * (low[0] + high[0])
         found = equilibrium_at(field, rest.z + middle * rest.tangent, along, rest.tangent, measure)

@@ -13,6 +13,7 @@ from ._accuracy import ACCURACY
 from ._along import Problem
 from ._branching import zero_beside
 from ._corner import across, led_back
+from ._crossings import LEFT, PAIR, RIGHT, next_point_with_few, several_at_once
 from ._family import (
     AbstractFamily,
     Control,
@@ -23,14 +24,13 @@ from ._family import (
     Reached,
     Test,
     longer,
-    next_point,
     zero_between,
 )
 from ._kinds import impacts, kind_of
 from ._last import endless, hopf_point
 from ._orbit import PeriodicOrbit
 from ._point import Point, ahead, correct_from, is_astray, leaps, remeasure
-from ._points import border, branching, doubling, is_torus, on_circle, turning
+from ._points import border, branching, doubling, growing, growths, is_torus, on_circle, turning
 from ._switch import birth
 from ._touches import touches
 from ._walk import has_come_round
@@ -44,6 +44,7 @@ OWN = (
     # As exactly as multipliers are known: of a motion without damping they stay on the circle.
     Test("NS", on_circle, zero=ENGINE.zero),
 )
+SEVERAL = {RIGHT: ("BP", "LP"), LEFT: ("PD",), PAIR: ("NS",)}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -111,9 +112,14 @@ class Orbits(AbstractFamily):
         if test.bound:
             return _at_bound(self.problem, before, after, distance, test)
         if test.label == "BP":
-            # There Newton's method has no step.
-            return zero_beside(self.problem, before, after, test)
-        at = zero_between(self.onward, before, after, distance, test)
+            # There Newton's method has no step; another branch point may be near on the other side.
+            beside = zero_beside(self.problem, before, after, test)
+            if not isinstance(beside, Failure):
+                return beside
+        if test.zero and abs(test(before)) <= test.zero:
+            at = before  # a step may end on it
+        else:
+            at = zero_between(self.onward, before, after, distance, test)
         if isinstance(at, Failure) and test.label == "LP":
             beside = zero_beside(self.problem, before, after, test)
             at = at if isinstance(beside, Failure) else beside
@@ -128,6 +134,8 @@ class Orbits(AbstractFamily):
 
     def others(self, leg: Leg, found: list[Event]) -> list[Event]:
         """A branch of doubled orbits ends where it meets the orbit that it doubles: no fold."""
+        for kind, labels in SEVERAL.items():
+            found = several_at_once(self, growing, leg, found, kind, labels, growths)
         met = None if leg.backward or leg.distance == 0.0 else birth(self.problem, *_ends(leg))
         if met is None:
             return found
@@ -163,7 +171,8 @@ class Orbits(AbstractFamily):
                 yield Event("HB", hopf)
             yield Event("EP", point, "at_rest: the orbit shrinks to an equilibrium", ends=True)
             return
-        found, distance = next_point(self, point, min(distance, ACCURACY.shrinks * extent))
+        first = min(distance, ACCURACY.shrinks * extent)
+        found, distance = next_point_with_few(self, growing, point, first, longest)
         if isinstance(found, Point) and found.sequence == point.sequence:
             yield Leg(point, found, distance)
             yield Reached(found, longer(self, found, distance, longest))

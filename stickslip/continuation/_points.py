@@ -8,6 +8,7 @@ import numpy as np
 from ..hybrid.accuracy import ACCURACY as ENGINE
 from ._accuracy import ACCURACY
 from ._along import Problem
+from ._crossings import of_kind, partners
 from ._family import Failure, least_with_sign
 from ._orbit import PeriodicOrbit
 from ._point import Candidate, Point, describe, is_astray, solve_ahead
@@ -18,6 +19,18 @@ def multipliers_of(orbit: PeriodicOrbit) -> np.ndarray:
     found = np.asarray(orbit.multipliers)
     neutral = round(float(np.trace(np.asarray(orbit.neutral))))
     return np.delete(found, np.flatnonzero(found == 1.0)[:neutral])
+
+
+def growing(point: Point) -> np.ndarray:
+    """Multipliers outside the unit circle beyond what they are known to, the largest first."""
+    found = multipliers_of(point.orbit)
+    found = found[np.argsort(-np.abs(found))]
+    return found[np.abs(found) > 1.0 + ENGINE.same]
+
+
+def growths(point: Point, kind: str) -> np.ndarray:
+    """By how much the multipliers of a kind are outside the unit circle, in order."""
+    return np.sort(np.abs(of_kind(multipliers_of(point.orbit), kind)))[::-1] - 1.0
 
 
 def turning(point: Point) -> float:
@@ -44,7 +57,7 @@ def on_circle(point: Point) -> float:
     r"""Least $|\mu_i\mu_j - 1|$, with the sign of the product of all: zero where `torus` is, also where
     many multipliers are near the unit circle."""
     found = multipliers_of(point.orbit)
-    products = (a * b for i, a in enumerate(found) for b in found[:i])
+    products = (found[i] * found[j] for i, j in partners(found))
     return least_with_sign((ab - 1.0) / max(1.0, abs(ab)) for ab in products)
 
 
@@ -56,8 +69,8 @@ def branching(point: Point) -> float:
 def is_torus(point: Point) -> bool:
     """Whether the pair whose product is 1 is a conjugate one."""
     found = multipliers_of(point.orbit)
-    pairs = [(abs(a * b - 1.0), a) for i, a in enumerate(found) for b in found[:i]]
-    return bool(pairs and abs(np.imag(min(pairs, key=lambda p: p[0])[1])) > ENGINE.zero)
+    pairs = [(abs(found[i] * found[j] - 1.0), i) for i, j in partners(found)]
+    return bool(pairs and abs(found[min(pairs)[1]].imag) > ENGINE.zero)
 
 
 def border(
