@@ -74,10 +74,10 @@ def zero_beside(
             # The zero was not between the inner orbits: they are placed anew around it.
             if moved > 0.5 * width:
                 continue
-            if abs(zeros[0] - zeros[1]) > ENGINE.same:
+            # The orbits reach beyond both ends, where the zero of another step may lie.
+            if abs(zeros[0] - zeros[1]) > ENGINE.same or not 0.0 <= zeros[0] <= 1.0:
                 break
-            found = _on(problem, before, nodes, good, zeros[0])
-            return found
+            return _on(problem, before, nodes, good, zeros[0])
     return why
 
 
