@@ -8,7 +8,7 @@ import numpy as np
 from ..hybrid.accuracy import ACCURACY as ENGINE
 from ..progress import tell
 from ._accuracy import ACCURACY
-from ._family import AbstractFamily, Event, Failure, Gap, Leg, Test
+from ._family import AbstractFamily, Event, Failure, Gap, Leg, Test, zero_between
 from ._options import Follow
 
 Bounds = tuple[tuple[float, float], ...]
@@ -135,6 +135,7 @@ class _Watch:
             # Beside a border, where the sign was another, a piece may have no length.
             if was * now < 0 and leg.distance != 0.0:
                 found += self._event(test, before, after, leg, found)
+        found += self._there_and_back(before, after, leg, found)
         if leg.backward:
             self.signs = {_key(test): test.sign(leg.after) for test in self.tests(leg.after)}
             found = [dataclasses.replace(event, point=event.point.backward()) for event in found]
@@ -145,6 +146,32 @@ class _Watch:
         found = sorted(found, key=lambda event: (far[id(event)], event.ends))
         kept = [event for event in found if not event.ends and far[id(event)] <= last]
         return kept + [event for event in found if event.ends][:1]
+
+    def _there_and_back(self, before: Any, after: Any, leg: Leg, found: list[Event]) -> list[Event]:
+        """Values of a parameter that are passed twice between two points, since it turns there."""
+        family, events = self.family, []
+        for number in range(len(family.names)):
+
+            def rate(point: Any, place: int = number - len(family.names)) -> float:
+                return float(np.atleast_1d(family.slope(point))[place])
+
+            own = [test for test in self.own if test.level is not None and test.level[0] == number]
+            same = [test for test in own if test.sign(before) * test.sign(after) > 0]
+            # As far as the parameter would come without a turn, from either end.
+            reach = leg.distance * (abs(rate(before)) + abs(rate(after)))
+            near = [test for test in same if min(abs(test(p)) for p in (before, after)) <= reach]
+            if rate(before) * rate(after) >= 0.0 or not near:
+                continue
+            folds = [event.point for event in found if event.label == "LP"]
+            turn = folds[0] if folds else zero_between(family.onward, before, after, leg.distance, rate)
+            if isinstance(turn, Failure):
+                continue
+            for test in near:
+                for one, two in ((before, turn), (turn, after)):
+                    if test.sign(one) * test.sign(two) < 0:
+                        part = Leg(one, two, family.length(one, two))
+                        events += self._event(test, one, two, part, found)
+        return events
 
     def across(self, gap: Gap) -> list[Event]:
         """Values asked for, and bounds, between two points that are not joined by a smooth piece."""
