@@ -90,6 +90,7 @@ def test_a_piece_without_length_has_no_special_point():
     family.tests.side_effect = lambda point: [_family.Test("BP", lambda point: float(point.values[0]))]
     family.others.side_effect = lambda leg, found: found
     family.zero.side_effect = lambda before, after, *_: after
+    family.slope.side_effect = lambda point: np.ones(1)
     watch = _Watch(family, ((-2.0, 2.0),), Follow())
     low, high = (SimpleNamespace(values=np.array([x])) for x in (-1.0, 1.0))
     assert watch.on_leg(_family.Leg(low, low, 0.1)) == []
