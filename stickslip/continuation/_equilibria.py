@@ -297,8 +297,8 @@ def _branch_point(
         width = measure.length(high[1].z - low[1].z)
         if point is not None and measure.length(point - guess) <= width:
             at = along @ (point - rest.z)
-            slack = ENGINE.same * width  # beyond lies another one
-            if low[0] - slack <= at <= high[0] + slack:
+            slack = ENGINE.same * distance  # beyond the step lies another one
+            if -slack <= at <= distance + slack:
                 return _at_branch_point(field, point, high[1].z - low[1].z, measure)
         middle = 0.5 * (low[0] + high[0])
         found = equilibrium_at(field, rest.z + middle * rest.tangent, along, rest.tangent, measure)
