@@ -49,16 +49,31 @@ def passing(one: np.ndarray, other: np.ndarray) -> Counter[str]:
     return Counter({kind: of_kind(many[few.size :], kind).size for kind in (RIGHT, LEFT, PAIR)})
 
 
+def is_exchange(one: np.ndarray, other: np.ndarray) -> bool:
+    """Whether of the directions that grow at one point not all grow at the one that has more of them.
+
+    They are the columns of two matrices, and change smoothly where no eigenvalue passes: one that has
+    come in while another has gone leaves their number, and the sign of every product.
+    """
+    few, many = (np.linalg.qr(a)[0] for a in sorted((one, other), key=lambda a: a.shape[1]))
+    away = few - many @ (many.T @ few)
+    return bool(few.size and np.linalg.norm(away, 2) > ACCURACY.bend)
+
+
 def next_point_with_few(
     family: AbstractFamily, growing: Callable[[Any], np.ndarray], point: Any, distance: float,
-    longest: float,
+    longest: float, exchanges: Callable[[Any, Any], bool] = lambda one, other: False,
 ) -> tuple[Any, float]:  # fmt: skip
-    """The next point and the step to it, so short that of each kind one eigenvalue passes, not more."""
+    """The next point and the step to it, so short that of each kind one eigenvalue passes, not more.
+
+    `exchanges`: whether between two points some pass to one side and as many to the other.
+    """
     new, distance = next_point(family, point, distance)
     while distance > ACCURACY.shortest * longest:
         if isinstance(new, Failure) or family.differs(point, new):
             break
-        if max(passing(growing(point), growing(new)).values()) < 2:
+        many = max(passing(growing(point), growing(new)).values()) > 1
+        if not many and not exchanges(point, new):
             break
         new, distance = next_point(family, point, ACCURACY.shorter * distance)
     return new, distance

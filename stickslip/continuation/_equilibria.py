@@ -10,7 +10,15 @@ import numpy as np
 
 from ..hybrid.accuracy import ACCURACY as ENGINE
 from ._accuracy import ACCURACY
-from ._crossings import PAIR, RIGHT, next_point_with_few, partners, passing, several_at_once
+from ._crossings import (
+    PAIR,
+    RIGHT,
+    is_exchange,
+    next_point_with_few,
+    partners,
+    passing,
+    several_at_once,
+)
 from ._equilibrium import Equilibrium
 from ._family import (
     AbstractFamily,
@@ -85,6 +93,19 @@ def growing(rest: Rest) -> np.ndarray:
     rates = np.real(found) / np.maximum(np.abs(found), 1e-300)
     order = np.argsort(-rates)
     return found[order][rates[order] > ENGINE.solved]
+
+
+def exchanges(one: Rest, other: Rest) -> bool:
+    """Whether between two equilibria one mode begins to grow and another one ceases to."""
+    spaces = []
+    for rest in (one, other):
+        of = [
+            i for i, rate in enumerate(rest.eigenvalues) if rate in growing(rest) and rate.imag >= 0.0
+        ]
+        vectors = rest.vectors[:, of] / one.measure.columns[:-1, None]
+        parts = np.hstack([np.real(vectors), np.imag(vectors)])
+        spaces.append(parts[:, np.any(parts != 0.0, axis=0)])
+    return is_exchange(*spaces)
 
 
 def _real_rates(rest: Rest, kind: str) -> np.ndarray:
@@ -210,6 +231,9 @@ class Equilibria(AbstractFamily):
         found = several_at_once(self, growing, leg, found, RIGHT, ("BP", "LP"), _real_rates)
         before, after = ends = leg.before, leg.after
         (few, less), (many, more) = sorted(_numbers(end) for end in ends)
+        if few == many and not found and exchanges(before, after):
+            words = "one eigenvalue passes to each side, not told apart: between here and"
+            return [Event("BP?", before, f"{words} {after.values[0]:.10g}")]
         if few == many or (many - few) % 2 or any(event.label == "HB" for event in found):
             return found
         if not passing(growing(before), growing(after))[PAIR]:
@@ -243,10 +267,10 @@ class Equilibria(AbstractFamily):
         self, points: list[Rest], distance: float, longest: float
     ) -> Iterator[Leg | Gap | Event | Reached]:
         point, first = points[-1], distance
-        new, distance = next_point_with_few(self, growing, point, distance, longest)
+        new, distance = next_point_with_few(self, growing, point, distance, longest, exchanges)
         while isinstance(new, Rest) and distance == first and _double(new) and not _double(point):
             first *= ACCURACY.shorter  # near a branch point the tangent is not known
-            new, distance = next_point_with_few(self, growing, point, first, longest)
+            new, distance = next_point_with_few(self, growing, point, first, longest, exchanges)
         if isinstance(new, Failure):
             words = "not_converged: the next equilibrium was not found"
             yield Event("EP", point, words, ends=True)

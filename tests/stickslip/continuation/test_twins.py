@@ -70,6 +70,25 @@ def test_columns_that_are_alike_buckle_at_once(c, d):
     assert ("several eigenvalues at once" in repr(point)) == (len(d) == 2)
 
 
+@pytest.mark.parametrize("c", [0.0, pytest.param(0.3, marks=pytest.mark.more), 3.0])
+@pytest.mark.parametrize("off", [1e-3, pytest.param(0.02, marks=pytest.mark.more)])
+def test_one_mode_grows_before_another_ceases_to(c, off):
+    """Within one step: their number at its ends is the same, and the sign of every product."""
+    stiffness, load = np.diag([1.0, -1.0 - off]), np.diag([1.0, -1.0])
+    system = Linear(0.5, c * np.eye(2), stiffness, more_stiffness=load)
+    branch = followed_over_load(system, (0.5, 1.6))
+    assert [p.value for p in branch["BP"]] == pytest.approx([1.0, 1.0 + off], abs=1e-9)
+    assert len(branch.specials) == 4
+
+
+def test_one_that_grows_where_another_ceases_to_is_no_silent_step():
+    stiffness = load = np.diag([1.0, -1.0])
+    system = Linear(0.5, 0.3 * np.eye(2), stiffness, more_stiffness=load)
+    (point,) = followed_over_load(system, (0.5, 1.6))["BP?"]
+    assert point.value == pytest.approx(1.0, abs=1e-4)
+    assert "one eigenvalue passes to each side" in point.words
+
+
 class Forced(NamedTuple):
     """Displacements and velocities of two machines, and of a third one that is driven."""
 
