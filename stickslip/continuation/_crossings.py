@@ -57,6 +57,7 @@ def is_exchange(one: np.ndarray, other: np.ndarray) -> bool:
     """
     few, many = (np.linalg.qr(a)[0] for a in sorted((one, other), key=lambda a: a.shape[1]))
     away = few - many @ (many.T @ few)
+    # The sine of the largest angle between a direction and those of the other point.
     return bool(few.size and np.linalg.norm(away, 2) > ACCURACY.bend)
 
 
