@@ -83,26 +83,26 @@ def _sums(found: np.ndarray) -> list[tuple[complex, int]]:
 
 def growths(rest: Rest) -> np.ndarray:
     """Real parts of the eigenvalues by their magnitudes, the largest first."""
-    found = rest.eigenvalues
-    return np.sort(np.real(found) / np.maximum(np.abs(found), 1e-300))[::-1]
+    return np.sort(_rates(rest))[::-1]
 
 
 def growing(rest: Rest) -> np.ndarray:
     """Eigenvalues that grow beyond rounding, the fastest first in parts of their magnitudes."""
-    found = rest.eigenvalues
-    rates = np.real(found) / np.maximum(np.abs(found), 1e-300)
+    rates = _rates(rest)
     order = np.argsort(-rates)
-    return found[order][rates[order] > ENGINE.solved]
+    return rest.eigenvalues[order][rates[order] > ENGINE.solved]
+
+
+def _rates(rest: Rest) -> np.ndarray:
+    return np.real(rest.eigenvalues) / np.maximum(np.abs(rest.eigenvalues), 1e-300)
 
 
 def exchanges(one: Rest, other: Rest) -> bool:
     """Whether between two equilibria one mode begins to grow and another one ceases to."""
     spaces = []
     for rest in (one, other):
-        of = [
-            i for i, rate in enumerate(rest.eigenvalues) if rate in growing(rest) and rate.imag >= 0.0
-        ]
-        vectors = rest.vectors[:, of] / one.measure.columns[:-1, None]
+        taken = (_rates(rest) > ENGINE.solved) & (rest.eigenvalues.imag >= 0.0)
+        vectors = rest.vectors[:, taken] / one.measure.columns[:-1, None]
         parts = np.hstack([np.real(vectors), np.imag(vectors)])
         spaces.append(parts[:, np.any(parts != 0.0, axis=0)])
     return is_exchange(*spaces)
