@@ -165,6 +165,11 @@ class _Watch:
             folds = [event.point for event in found if event.label == "LP"]
             turn = folds[0] if folds else zero_between(family.onward, before, after, leg.distance, rate)
             if isinstance(turn, Failure):
+                words = (
+                    f"not located: it may turn between here and {after.values[0]:.10g}, {turn.result}"
+                )
+                asked = [test for test in near if not test.bound]
+                events += [Event(f"{test.label}?", before, words) for test in asked]
                 continue
             for test in near:
                 for one, two in ((before, turn), (turn, after)):

@@ -96,3 +96,21 @@ def test_a_piece_without_length_has_no_special_point():
     assert watch.on_leg(_family.Leg(low, low, 0.1)) == []
     assert watch.on_leg(_family.Leg(high, high, 0.0)) == []
     assert [event.label for event in watch.on_leg(_family.Leg(high, low, 0.1))] == ["BP"]
+
+
+def test_a_value_beside_a_turn_that_is_not_found_is_named():
+    """The parameter turns, nobody knows where: it may have passed the value there and back."""
+    family = create_autospec(_family.AbstractFamily, instance=True)
+    family.names, family.length.return_value = ("p",), 1.0
+    family.tests.return_value = []
+    family.others.side_effect = lambda leg, found: found
+    family.slope.side_effect = lambda point: np.array([point.rate])
+    family.onward.return_value = _family.Failure("not_converged")
+    before, after = (SimpleNamespace(values=np.array([1.0]), rate=r) for r in (1.0, -1.0))
+    watch = _Watch(family, ((-2.0, 2.0),), Follow(values=(1.1,)))
+    (event,) = watch.on_leg(_family.Leg(before, after, 0.2))
+    assert event.label == "UZ?"
+    assert "it may turn between here and 1, not_converged" in event.words
+    # Farther away than the parameter comes within the step there is nothing to say.
+    watch = _Watch(family, ((-2.0, 2.0),), Follow(values=(1.9,)))
+    assert watch.on_leg(_family.Leg(before, after, 0.2)) == []
