@@ -92,32 +92,32 @@ _equals: dict[Any, Any] = {}  # one object for all that are equal
 _said: set[type] = set()
 
 
-def _roots(tree: Any) -> Iterator[Any]:
+def _roots(tree: Any) -> list[Any]:
     """Classes, functions and other objects in a pytree that are not of the libraries."""
-    kind = type(tree)
-    operand, called, own, fields = _role(kind)
-    if operand:
-        return
-    if called:
-        if not _of_library(tree):
-            yield tree
-        return
-    if own:
-        yield kind
-    if isinstance(tree, dict):
-        inside: Any = tree.values()
-    elif isinstance(tree, tuple | list):
-        inside = tree
-    elif fields:
-        inside = vars(tree).values()
-    elif not jax.tree_util.all_leaves([tree]):
-        inside = jax.tree.leaves(tree, is_leaf=lambda part: part is not tree)
-    else:  # what JAX knows nothing of; a function behind `jax.jit`, say
-        inside = ()
-        if not _of_library(tree):
-            yield tree
-    for part in inside:
-        yield from _roots(part)
+    found, left = [], [tree]
+    while left:
+        part = left.pop()
+        kind = type(part)
+        operand, called, own, fields = _role(kind)
+        if operand:
+            continue
+        if called:
+            if not _of_library(part):
+                found.append(part)
+            continue
+        if own:
+            found.append(kind)
+        if isinstance(part, dict):
+            left += reversed(part.values())
+        elif isinstance(part, tuple | list):
+            left += reversed(part)
+        elif fields:
+            left += reversed(vars(part).values())
+        elif not jax.tree_util.all_leaves([part]):
+            left += reversed(jax.tree.leaves(part, is_leaf=lambda inner, part=part: inner is not part))
+        elif not _of_library(part):  # what JAX knows nothing of; a function behind `jax.jit`, say
+            found.append(part)
+    return found
 
 
 @functools.lru_cache(maxsize=512)

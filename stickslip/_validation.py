@@ -393,6 +393,8 @@ def as_float64(name: str, tree: Any) -> Any:
 
 
 def _float64(name: str, leaf: Any) -> Array | np.ndarray:
+    if type(leaf) is float and math.isfinite(leaf):
+        return np.asarray(leaf)
     array = check_float64(name, leaf)
     if isinstance(leaf, jax.Array) or array.shape:
         return as_parameter(leaf if isinstance(leaf, jax.Array) else array)

@@ -13,6 +13,7 @@ import jax.extend
 import jax.numpy as jnp
 from jax.interpreters import ad, batching, mlir
 
+from .._jaxpr import ProgramOnDemand
 from .executor import closed_jaxpr
 
 
@@ -47,9 +48,24 @@ def alone_or_batched(
     # Both forms are jitted functions of leaves: hashable parameters, traced once for all batches.
     leaves = list(map(jnp.asarray, leaves))
     out = _alone_p.bind(
-        *leaves, alone=on_leaves(alone), batched=on_leaves(batched), given=(len(leaves), 0)
+        *leaves, alone=_Alone(on_leaves(alone)), batched=on_leaves(batched), given=(len(leaves), 0)
     )  # fmt: skip
     return jax.tree.unflatten(out_form, out)
+
+
+class _Alone(ProgramOnDemand):
+    """The form for one lane, into which one may look."""
+
+    def __init__(self, function: Callable):
+        self.function = jax.jit(function, inline=True)
+
+    def __call__(self, *leaves):
+        return self.function(*leaves)
+
+    def program(self, *operands):
+        return jax.make_jaxpr(self.function)(
+            *(jax.ShapeDtypeStruct(a.shape, a.dtype) for a in operands)
+        )
 
 
 def _as_function(jaxpr: Any, consts: Any, form: Any) -> Callable:
@@ -92,7 +108,9 @@ def _push_forward(primals, tangents, *, alone, batched, given):
     if deciding == len(primals):
         decided = len(_shapes(*map(jax.typeof, primals), alone=alone, batched=batched, given=given))
     given = deciding, decided
-    out = _alone_p.bind(*primals, *rates, alone=along(alone), batched=along(batched), given=given)
+    out = _alone_p.bind(
+        *primals, *rates, alone=_Alone(along(alone)), batched=along(batched), given=given
+    )
     return out[: len(out) // 2], out[len(out) // 2 :]
 
 
@@ -118,7 +136,7 @@ def _batch(leaves, axes, *, alone, batched, given):
 
         return jax.jit(run, inline=True)
 
-    out = _alone_p.bind(*leaves, alone=together(alone), batched=together(batched), given=given)
+    out = _alone_p.bind(*leaves, alone=_Alone(together(alone)), batched=together(batched), given=given)
     return out, [None] * decided + [0] * (len(out) - decided)
 
 

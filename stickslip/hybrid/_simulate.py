@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.lax import stop_gradient
 from jaxtyping import PyTree
 
@@ -188,16 +189,17 @@ def simulate(
     values, `t1 < t0`, an unknown mode, unordered output times, guards that are not scalars; all
     before compilation. `SimulationError` for a run that fails, which has the solution until then.
     """
-    integrator = USUAL if integrator is None else integrator
-    saveat = USUALLY_KEPT if saveat is None else saveat
-    check_type("integrator", integrator, Integrator, "an Integrator")
-    check_type("saveat", saveat, SaveAt, "a SaveAt, such as SaveAt(ts=times)")
+    if integrator is not None:
+        check_type("integrator", integrator, Integrator, "an Integrator")
+    if saveat is not None:
+        check_type("saveat", saveat, SaveAt, "a SaveAt, such as SaveAt(ts=times)")
     check_flag("throw", throw)
     leaves_of("args", args)
     system, args = with_float_arrays((the_system(system), args))
     t0, t1 = a_time("t0", t0), a_time("t1", t1)
-    check_at_least("t1", t1, "t0", t0)
-    ts = output_times(saveat.ts, t0, t1)
+    if not (type(t0) is type(t1) is np.ndarray and t0 <= t1):
+        check_at_least("t1", t1, "t0", t0)
+    ts = None if saveat is None else output_times(saveat.ts, t0, t1)
     y0, mode0 = the_start(system, y0, mode0, args)
     mode: Any = mode0  # a number by now
     # A bound method of Equinox takes 30 us to make.
@@ -220,6 +222,8 @@ def simulate(
 
 @jit_plainly
 def _run(system, args, t0, t1, y0, mode0, ts, integrator, saveat, execute) -> tuple[Solution, Any]:
+    integrator = USUAL if integrator is None else integrator
+    saveat = USUALLY_KEPT if saveat is None else saveat
     sections, max_events, max_crossings = saveat.sections, saveat.max_events, saveat.max_crossings
     if mode0 is None:
         mode0 = first_mode(*frozen((system, t0, y0, args)))

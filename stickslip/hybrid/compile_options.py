@@ -11,10 +11,10 @@ from .._jit_by_code import compiled_by_code
 from .._types import Given
 from .._validation import check_type, is_concrete
 from .executor import current_executor
+from .one_call import OLDER
 
 # XLA's emitters of fused kernels take half of the time to compile a run, which is a loop over scalars
-# and no faster with them. From JAX 0.11 on the compiler has no others, and rejects the option.
-KNOWN = jax.__version_info__ < (0, 11)
+# and no faster with them. Newer compilers have no others, and reject the option.
 OPTIONS = {"xla_cpu_use_fusion_emitters": False}
 
 
@@ -23,7 +23,7 @@ _OUTSIDE = jax.extend.core.get_opaque_trace_state()  # of all transformations, w
 
 def plain_options() -> dict[str, Any] | None:
     """Options of the compiler for a program that stands alone; None where they are not known."""
-    plainly = KNOWN and jax.default_backend() == "cpu" and not current_executor().fused
+    plainly = OLDER and jax.default_backend() == "cpu" and not current_executor().fused
     return OPTIONS if plainly else None
 
 

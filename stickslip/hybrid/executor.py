@@ -9,6 +9,7 @@ for each. In a portable program the marks do nothing.
 import contextlib
 import contextvars
 import functools
+import os
 from collections.abc import Callable, Iterator, Sequence
 from types import FunctionType
 from typing import Any
@@ -24,25 +25,21 @@ from jaxtyping import PyTree
 from .._argument_checks import check_arguments, checked_by
 from .._jaxpr import spelled_out
 from .._validation import check_flag, check_type
+from .one_call import BOUNDARY, as_one_call, lanes_taken
 
-# Attributes XLA's CPU compiler reads on a call. `inlineable="false"` keeps a call a call, so that a
-# stage sum is computed once instead of being recomputed by every later stage it is fused into;
-# `xla_cpu_small_call` compiles the whole time loop to one function without a dispatch per operation.
-# Both are internal to XLA: `_canary.py` proves in a subprocess that this jaxlib still honours them.
-_BOUNDARY = {"inlineable": "false"}
-_LOOP = {"inlineable": "false", "xla_cpu_small_call": "true"}
-LOOP_NAME = "fused_time_loop"  # of the call that holds a whole time loop, in a traced program
 ALONG_NAME = "stickslip_along"  # of the equation that has slopes of a run, in a traced program
 
 
-@check_arguments(**dict.fromkeys(("fused", "compact"), checked_by(check_flag)))
+@check_arguments(**dict.fromkeys(("fused", "single", "compact"), checked_by(check_flag)))
 class Executor(eqx.Module):
     """Wraps the pieces of the integrator; the numbers are the same to rounding in all variants.
 
+    `single`: a time loop that is one function for a single run and for a few, and portable for more.
     `compact`: the smallest program, whatever the batch.
     """
 
     fused: bool = eqx.field(static=True)
+    single: bool = eqx.field(static=True, default=False)
     compact: bool = eqx.field(static=True, default=False)
 
     @property
@@ -68,8 +65,8 @@ class Executor(eqx.Module):
             leaves, form = jax.tree.flatten(operands)
             key = (form, *map(jax.typeof, leaves))
             if key not in pieces:
-                pieces[key] = _Piece(function, operands, _spelled_out)
-            return pieces[key](leaves, _BOUNDARY)
+                pieces[key] = _Piece(function, operands)
+            return pieces[key](leaves)
 
         return call
 
@@ -127,25 +124,34 @@ def _computed_once(execute: Executor, function: Callable, *operands: PyTree) -> 
 
 
 def _as_one(execute: Executor, function: Callable, *operands: PyTree) -> Any:
-    """Call `function`, a whole time loop, as one compiled function (fused) or plainly."""
-    if not execute.fused:
+    """Call `function`, a whole time loop, as one compiled function, or plainly (portable)."""
+    if not (execute.fused or execute.single):
         return function(*operands)
-    whole = _Piece(function, operands, _whole)
-    # The compiler aborts on a fused call with an operand that nothing depends on. This barrier and
-    # that of `_whole` keep it from making one: by moving a constant into the call, or by dropping
-    # what the loop carries when its last value is not wanted.
-    return whole(jax.tree.leaves(operands), _LOOP, jax.lax.optimization_barrier)
+    leaves, operand_form = jax.tree.flatten(operands)
+    traced = [x for x in leaves if isinstance(x, jax.core.Tracer)]
+
+    def of_traced(*traced):
+        # Known numbers stay known: the functions of a system may ask in Python which one it has.
+        values = iter(traced)
+        known = (next(values) if isinstance(x, jax.core.Tracer) else x for x in leaves)
+        return function(*jax.tree.unflatten(operand_form, known))
+
+    jaxpr, consts, form = closed_jaxpr(of_traced, traced)
+    given, lanes = [*consts, *traced], None
+    if not execute.fused:
+        lanes = lanes_taken(jaxpr)
+        if lanes == 0:
+            return jax.tree.unflatten(form, jax.core.eval_jaxpr(jaxpr, (), *given))
+    return jax.tree.unflatten(form, as_one_call(jaxpr, given, lanes))
 
 
 class _Piece:
     """A traced function and the compiled call that computes its results.
 
-    The compiler aborts on a call that only hands its operands through, and on operands that nothing
-    depends on. So results that are operands stay outside the call, and operands that only such
-    results need do too; derivatives of the call then have none either.
+    Results that are operands stay outside the call, and operands that only such results need do too.
     """
 
-    def __init__(self, function: Callable, operands: tuple, evaluation: Callable):
+    def __init__(self, function: Callable, operands: tuple):
         jaxpr, self.consts, self.form = closed_jaxpr(function, operands)
         places = {v: i for i, v in enumerate(jaxpr.invars)}
         literal = jax.extend.core.Literal
@@ -157,16 +163,16 @@ class _Piece:
         ]  # fmt: skip
         inside = [kind == "computed" for kind, _ in self.results]
         jaxpr, self.used = dce_jaxpr(jaxpr, inside)
-        self.compiled = jax.jit(evaluation(jaxpr)) if any(inside) else None
+        # A jitted helper traced where `inlineable="false"` is in force would become a call of its own.
+        self.compiled = jax.jit(lambda *values: spelled_out(jaxpr, (), values, ("jit", "pjit")))
 
-    def __call__(
-        self, leaves: Sequence, attributes: dict[str, str], prepare: Callable = lambda values: values
-    ) -> Any:
+    def __call__(self, leaves: Sequence) -> Any:
         given = [*self.consts, *leaves]
         computed = iter(())
-        if self.compiled is not None:
-            with set_xla_metadata(**attributes):
-                computed = iter(self.compiled(*prepare(_pick(given, self.used))))
+        if any(kind == "computed" for kind, _ in self.results):
+            used = [x for x, wanted in zip(given, self.used, strict=True) if wanted]
+            with set_xla_metadata(**BOUNDARY):
+                computed = iter(self.compiled(*used))
         out = [
             next(computed) if kind == "computed" else given[what] if kind == "operand" else what
             for kind, what in self.results
@@ -174,30 +180,29 @@ class _Piece:
         return jax.tree.unflatten(self.form, out)
 
 
-def _spelled_out(jaxpr: Any) -> Callable:
-    # A jitted helper traced where `inlineable="false"` is in force would become a call of its own.
-    return lambda *values: spelled_out(jaxpr, (), values, ("jit", "pjit"))
-
-
-def _whole(jaxpr: Any) -> Callable:
-    function = jax.extend.core.jaxpr_as_fun(jax.extend.core.ClosedJaxpr(jaxpr, ()))
-
-    def whole(*values):
-        return jax.lax.optimization_barrier(function(*values))
-
-    whole.__name__ = LOOP_NAME
-    return whole
-
-
 PORTABLE = Executor(fused=False)
 FUSED = Executor(fused=True)
+SINGLE = Executor(fused=False, single=True)
 COMPACT = Executor(fused=False, compact=True)
-_current: contextvars.ContextVar[Executor] = contextvars.ContextVar("executor", default=PORTABLE)
+WISHES = ("auto", "fused", "portable")
+_current: contextvars.ContextVar[Executor] = contextvars.ContextVar("executor", default=SINGLE)
 
 
 def current_executor() -> Executor:
     """Executor that `simulate` uses where it is called (read while tracing)."""
-    return _current.get()
+    found = _current.get()
+    return PORTABLE if found is SINGLE and wished_executor() == "portable" else found
+
+
+def wished_executor() -> str:
+    """`STICKSLIP_EXECUTOR`, by default `"auto"`; `ValueError` for another word than an executor's."""
+    given = os.environ.get("STICKSLIP_EXECUTOR", "")
+    wish = given.strip().lower() or "auto"
+    if wish not in WISHES:
+        raise ValueError(
+            f"STICKSLIP_EXECUTOR = {given!r}: it must be one of {', '.join(map(repr, WISHES))}."
+        )
+    return wish
 
 
 @contextlib.contextmanager
@@ -233,7 +238,3 @@ def closed_jaxpr(function: Callable, operands: tuple) -> tuple:
     else:
         jaxpr = closed.jaxpr
     return jaxpr, consts, out_tree
-
-
-def _pick(items: Sequence, chosen: Sequence[bool]) -> list:
-    return [item for item, take in zip(items, chosen, strict=True) if take]

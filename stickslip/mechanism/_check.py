@@ -153,20 +153,20 @@ def check_mass(mechanism: Any, q: Any = None) -> None:
         return
     q = at_zero(mechanism.names, 0.0)[0] if q is None else q
     entries = numbers_known(inertia_entries, mechanism, q) if is_concrete((mechanism, q)) else None
-    _check_inertia(mechanism, inertia_entries(mechanism, q) if entries is None else entries)
+    entries = inertia_entries(mechanism, q) if entries is None else entries
+    _check_inertia(mechanism.names.coordinates, entries)
 
 
-def _check_inertia(mechanism: Any, entries: list[Any]) -> None:
-    if not all(is_concrete(x) for x in entries) or any(np.ndim(x) for x in entries):
+def _check_inertia(names: tuple[str, ...], entries: list[Any]) -> None:
+    if not all(type(x) is float or (is_concrete(x) and not np.ndim(x)) for x in entries):
         return  # traced, or one for each lane
-    names = mechanism.names.coordinates
-    numbers, n = np.array([float(x) for x in entries]), len(names)
-    if n == numbers.size:
+    n, numbers = len(names), [float(x) for x in entries]
+    if n == len(numbers):
         for name, m in zip(names, numbers, strict=True):
-            if not m > 0.0 or not np.isfinite(m):
-                raise refusal(f"mass_matrix(q)[{name!r}]", float(m), "finite and positive")
+            if not 0.0 < m < np.inf:
+                raise refusal(f"mass_matrix(q)[{name!r}]", m, "finite and positive")
         return
-    matrix = numbers.reshape(n, n)
+    matrix = np.array(numbers).reshape(n, n)
     # By the inertias that an entry joins: one that cancels in rounding has no size of its own.
     sizes = np.sqrt(np.abs(np.diag(matrix)))
     skew = np.abs(matrix - matrix.T) > 1e-12 * np.outer(sizes, sizes)
@@ -214,41 +214,45 @@ def check_numbers_at_start(mechanism: Any, found: list[Any], mode: Any) -> None:
     ends = [len(fixed), len(RESISTING) * len(names.contacts)]
     m, k = len(names.contacts) + len(names.stops), len(names.stops)
     ends += [0, 0, 0, 0, 0] if mode is None else [m, m, m, k, k]
-    left = iter(found)
+    # Python compares its own numbers in a tenth of the time that NumPy takes for one.
+    left = iter([x if x.ndim else x.item() for x in found])
     loads, coefficients, *held = ([next(left) for _ in range(number)] for number in ends)
-    _check_inertia(mechanism, [*left])
+    _check_inertia(names.coordinates, [*left])
     for name, load in zip(fixed, loads, strict=True):
-        if not (np.asarray(load) >= 0.0).all():
+        good = load >= 0.0
+        if good is not True and not np.all(good):
             raise refusal(f"the normal force of contact {name!r} at the start", load, "not negative")
     laws = iter(coefficients)
     for name in names.contacts:
         for what in RESISTING:
             coefficient = next(laws)
-            if (np.asarray(coefficient) < 0.0).any():
+            bad = coefficient < 0.0
+            if bad is not False and np.any(bad):
                 allowed = "not negative: friction resists, and this drives"
                 raise refusal(f"the {what} of contact {name!r}", coefficient, allowed)
-    if mode is not None and not any(np.ndim(x) for row in held for x in row):  # else as the run says
-        _check_held(mechanism, int(mode), *held)
+    one = all(isinstance(x, float) for row in held for x in row)  # else as the run says
+    if mode is not None and one:
+        _check_held(names, mechanism.mode_names[int(mode)], *held)
 
 
 def _check_held(
-    mechanism: Any, mode: int, states: list, speeds: list, fastest: list, gaps: list, farthest: list
+    names: Any, mode: str, states: list, speeds: list, fastest: list, gaps: list, farthest: list
 ) -> None:
-    names, n = mechanism.names, len(mechanism.names.contacts)
+    n = len(names.contacts)
     moves = [_differs(u, size) for u, size in zip(speeds, fastest, strict=True)]
     apart = [_differs(gap, size) for gap, size in zip(gaps, farthest, strict=True)]
     for c, contact in enumerate(names.contacts):
         if states[c] == 0.0 and moves[c]:
             allowed = f"a mode in which contact {contact!r} does not stick, or left out"
             but = f"and it slides at {speeds[c]:.6g}"
-            raise refusal("mode0", mechanism.mode_names[mode], allowed, but=but)
+            raise refusal("mode0", mode, allowed, but=but)
     for c, stop in enumerate(names.stops):
         if states[n + c] != 0.0:
             continue
         allowed = f"a mode in which stop {stop!r} is open, or left out"
         but = f"its gap is {gaps[c]:.6g}" if apart[c] else f"its gap changes at {speeds[n + c]:.6g}"
         if apart[c] or moves[n + c]:
-            raise refusal("mode0", mechanism.mode_names[mode], allowed, but=f"and {but}")
+            raise refusal("mode0", mode, allowed, but=f"and {but}")
 
 
 def _differs(value: Any, size: Any) -> bool:

@@ -5,6 +5,7 @@ once, and the arithmetic of what it traced to is done by NumPy.
 """
 
 import functools
+import operator
 from collections.abc import Callable
 from typing import Any
 
@@ -16,14 +17,16 @@ from stickslip._code import code_key
 from stickslip._jaxpr import called_program, equations, nowhere, walk
 from stickslip._jit_by_code import told_apart
 
+# Between scalars of NumPy an operator takes a tenth of what its universal function does.
 _OPERATIONS: dict[str, Callable] = {
-    "add": np.add, "add_any": np.add, "sub": np.subtract, "mul": np.multiply, "neg": np.negative,
-    "max": np.maximum, "min": np.minimum, "abs": np.abs, "sign": np.sign, "square": np.square,
+    "add": operator.add, "add_any": operator.add, "sub": operator.sub, "mul": operator.mul,
+    "neg": operator.neg, "abs": operator.abs,
+    "max": np.maximum, "min": np.minimum, "sign": np.sign, "square": np.square,
     "sqrt": np.sqrt, "exp": np.exp, "log": np.log, "sin": np.sin, "cos": np.cos, "tan": np.tan,
-    "tanh": np.tanh, "pow": np.power, "copy": np.positive,
-    "stop_gradient": np.positive, "gt": np.greater, "ge": np.greater_equal,
-    "and": np.bitwise_and, "shift_right_arithmetic": np.right_shift,
-    "lt": np.less, "le": np.less_equal, "eq": np.equal, "ne": np.not_equal,
+    "tanh": np.tanh, "pow": np.power, "copy": operator.pos,
+    "stop_gradient": operator.pos, "gt": operator.gt, "ge": operator.ge,
+    "and": operator.and_, "shift_right_arithmetic": np.right_shift,
+    "lt": operator.lt, "le": operator.le, "eq": operator.eq, "ne": operator.ne,
     "rem": np.fmod, "shift_left": np.left_shift, "clamp": lambda low, x, high: np.clip(x, low, high),
 }  # fmt: skip
 
@@ -41,7 +44,7 @@ def numbers_known(function: Callable, *operands: Any) -> list[Any] | None:
     for x in numbers:
         if type(x) is not np.ndarray and not isinstance(getattr(x, "dtype", FLOAT), np.dtype):
             return None  # random keys are arrays, but not of numbers
-    return numbers_from(program, [np.asarray(x) for x in numbers])
+    return numbers_from(program, [np.asarray(x)[()] for x in numbers])
 
 
 def kept_trace(function: Callable, *operands: Any) -> tuple[Any, list[Any]]:
@@ -54,7 +57,7 @@ def kept_trace(function: Callable, *operands: Any) -> tuple[Any, list[Any]]:
     arrays = [isinstance(x, np.ndarray | float) or isinstance(x, jax.Array) for x in leaves]
     rest = tuple([x for x, array in zip(leaves, arrays, strict=True) if not array])
     numbers = [x for x, array in zip(leaves, arrays, strict=True) if array]
-    shapes = tuple([(np.shape(x), getattr(x, "dtype", FLOAT)) for x in numbers])
+    shapes = tuple([(getattr(x, "shape", ()), getattr(x, "dtype", FLOAT)) for x in numbers])
     code = (code_key(operands), told_apart(rest))
     key = (function, form, tuple(arrays), rest, shapes, code)
     try:
@@ -96,7 +99,9 @@ class _Arithmetic:
 
     def _walk(self, jaxpr: Any, consts: Any, operands: list[int]) -> list[int]:
         def place(_: Any, number: Any) -> int:
-            self.places.append(number)
+            of_numbers = isinstance(getattr(number, "dtype", FLOAT), np.dtype)  # not of random keys
+            known = of_numbers and not isinstance(number, jax.core.Tracer)
+            self.places.append(np.asarray(number)[()] if known else number)
             return len(self.places) - 1
 
         return walk(jaxpr, operands, self._rule, place, consts, _needed_equations(jaxpr))

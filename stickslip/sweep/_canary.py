@@ -23,6 +23,7 @@ import warnings
 from collections.abc import Iterator
 
 from .. import _version
+from ..hybrid.executor import wished_executor
 from ._cache import cache_directory
 from ._files import read_json
 from ._shift import warn_of_wrong_shifts
@@ -33,7 +34,6 @@ except ImportError:  # no advisory locks on this system
     fcntl = None
 
 TIMEOUT = 300  # s; a trial takes about ten seconds
-WISHES = ("auto", "fused", "portable")
 _FROM_OUTSIDE = {-signal.SIGINT, -signal.SIGTERM, -getattr(signal, "SIGKILL", signal.SIGTERM)}
 
 
@@ -46,17 +46,6 @@ def _cache_file() -> pathlib.Path:
     what = (2, _jaxlib(), platform.machine(), sys.version_info[:2], _version.__version__)
     digest = hashlib.sha256(repr(what).encode()).hexdigest()[:12]
     return cache_directory() / f"fused-{_jaxlib()}-{digest}.json"
-
-
-def wished_executor() -> str:
-    """`STICKSLIP_EXECUTOR`, by default `"auto"`; `ValueError` for another word than an executor's."""
-    given = os.environ.get("STICKSLIP_EXECUTOR", "")
-    wish = given.strip().lower() or "auto"
-    if wish not in WISHES:
-        raise ValueError(
-            f"STICKSLIP_EXECUTOR = {given!r}: it must be one of {', '.join(map(repr, WISHES))}."
-        )
-    return wish
 
 
 def fused_is_trusted() -> bool:

@@ -14,11 +14,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from .._jaxpr import equations, nowhere
-from ..hybrid.executor import ALONG_NAME, LOOP_NAME
+from ..hybrid.executor import ALONG_NAME
+from ..hybrid.one_call import LANES, LOOP_NAME, OLDER
 
-CHUNK_FUSED = 64  # lanes whose state fits the first-level cache
 MANY_DIRECTIONS = 3  # of a derivative: from here on half of the lanes fit it
-CHUNK_PORTABLE = 16 * CHUNK_FUSED  # more: each operation is dispatched by itself
+CHUNK_PORTABLE = 16 * LANES  # more: each operation is dispatched by itself
 VECTOR = 8  # lanes of the widest vector unit of a CPU: below, the portable executor is no slower
 PORTABLE_INSTEAD = (
     "the compiler does not fuse this function: it is computed by the portable executor. Fewer output "
@@ -26,9 +26,6 @@ PORTABLE_INSTEAD = (
 )
 
 
-# With JAX 0.10 two programs at once that call LAPACK on larger matrices wait for each other for ever,
-# most of the time, with all threads idle; one at a time never did, and neither do those of JAX 0.12.
-MAY_WAIT = jax.__version_info__ < (0, 11)
 _OF_LAPACK = frozenset(
     thing.name
     for thing in vars(jax.lax.linalg).values()
@@ -62,7 +59,7 @@ def check_motions(closed: Any, lanes: int) -> None:
     motions = max(map(_motions, loops), default=lanes)
     directions = max(map(_directions, equations(closed.jaxpr)), default=0)
     each = -(-motions // lanes) * (2 if directions >= MANY_DIRECTIONS else 1)
-    fitting = CHUNK_FUSED // each
+    fitting = LANES // each
     fitting = max(fitting - fitting % VECTOR if fitting > VECTOR else fitting, 2)
     if each > 1 and lanes > fitting:
         raise TooManyMotions(fitting)
@@ -90,8 +87,12 @@ class MustBeAlone(Exception):
 
 
 def check_alone(closed: Any) -> None:
-    """Raise `MustBeAlone` for a program that calls LAPACK, where two may wait for each other."""
-    if MAY_WAIT and any(eqn.primitive.name in _OF_LAPACK for eqn in equations(closed.jaxpr)):
+    """Raise `MustBeAlone` for a program that calls LAPACK, where two may wait for each other.
+
+    With JAX 0.10 two at once on larger matrices wait for ever, most of the time, with all threads idle;
+    one at a time never did, and neither do those of JAX 0.12.
+    """
+    if OLDER and any(eqn.primitive.name in _OF_LAPACK for eqn in equations(closed.jaxpr)):
         raise MustBeAlone
 
 

@@ -23,11 +23,11 @@ from .._validation import (
     refusal,
     shape_refusal,
 )
-from ..hybrid.executor import FUSED, PORTABLE, use_executor
+from ..hybrid.executor import FUSED, PORTABLE, use_executor, wished_executor
+from ..hybrid.one_call import LANES
 from ..progress import Progress, ready
-from ._canary import fused_is_trusted, wished_executor
+from ._canary import fused_is_trusted
 from ._fit import (
-    CHUNK_FUSED,
     CHUNK_PORTABLE,
     PORTABLE_INSTEAD,
     VECTOR,
@@ -107,7 +107,7 @@ class map_lanes:
             executor = "fused" if cpu and fused_is_trusted() else "portable"
         self.function = function
         self.executor = executor
-        fitting = CHUNK_FUSED if executor == "fused" else CHUNK_PORTABLE
+        fitting = LANES if executor == "fused" else CHUNK_PORTABLE
         self.chunk_size = chunk_size or (fitting if cpu else block_lanes())
         if executor == "fused":
             # The compiler does not take a fused loop over single numbers.

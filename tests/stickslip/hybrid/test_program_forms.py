@@ -206,9 +206,15 @@ print(size(end), size(jax.grad(lambda k3: end(k3).x)), size(turns))
 """
 
 
+# Instructions as one function and, as with newer versions of JAX, portable: plain, in reverse, with a
+# section. Operands and results of a call are instructions too.
+LARGEST = {"auto": (2_150, 7_450, 4_650), "portable": (1_700, 5_900, 4_200)}
+
+
 @pytest.mark.more
-def test_programs_of_a_smooth_system_are_small():
-    """Instructions that XLA leaves, compiled as for users: 1,681, 5,795 and, with a section, 4,177.
+@pytest.mark.parametrize("executor", LARGEST)
+def test_programs_of_a_smooth_system_are_small(executor):
+    """Instructions that XLA leaves, compiled as for users: portable 1,681, 5,795, with a section 4,177.
 
     The text has as many lines again for the stack frames, which are no part of the program. By lines it
     was 13,155 and 67,008 with every stage written out, and 3,494 and 8,228 without tolerances that
@@ -216,11 +222,10 @@ def test_programs_of_a_smooth_system_are_small():
     is affine in the state was looked at inside of steps, 800 more where a crossing took a step of its
     own after the search.
     """
-    as_users = {**os.environ, "XLA_FLAGS": ""}  # the suite leaves passes of XLA out, see conftest
+    # The suite leaves passes of XLA out, see conftest.
+    as_users = {**os.environ, "XLA_FLAGS": "", "STICKSLIP_EXECUTOR": executor}
     run = subprocess.run(
         [sys.executable, "-c", SIZES], env=as_users, capture_output=True, text=True, check=True
     )
-    plain, gradient, section = map(int, run.stdout.split())
-    assert plain <= 1_700
-    assert gradient <= 5_900
-    assert section <= 4_200
+    sizes = map(int, run.stdout.split())
+    assert all(size <= most for size, most in zip(sizes, LARGEST[executor], strict=True))
