@@ -25,7 +25,7 @@ from jaxtyping import PyTree
 from .._argument_checks import check_arguments, checked_by
 from .._jaxpr import spelled_out
 from .._validation import check_flag, check_type
-from .one_call import BOUNDARY, as_one_call, lanes_taken
+from .one_call import BOUNDARY, OLDER, as_one_call, lanes_taken
 
 ALONG_NAME = "stickslip_along"  # of the equation that has slopes of a run, in a traced program
 
@@ -136,7 +136,7 @@ def _as_one(execute: Executor, function: Callable, *operands: PyTree) -> Any:
         known = (next(values) if isinstance(x, jax.core.Tracer) else x for x in leaves)
         return function(*jax.tree.unflatten(operand_form, known))
 
-    jaxpr, consts, form = closed_jaxpr(of_traced, traced)
+    jaxpr, consts, form = closed_jaxpr(of_traced, tuple(traced))
     given, lanes = [*consts, *traced], None
     if not execute.fused:
         lanes = lanes_taken(jaxpr)
@@ -191,7 +191,8 @@ _current: contextvars.ContextVar[Executor] = contextvars.ContextVar("executor", 
 def current_executor() -> Executor:
     """Executor that `simulate` uses where it is called (read while tracing)."""
     found = _current.get()
-    return PORTABLE if found is SINGLE and wished_executor() == "portable" else found
+    plain = wished_executor() == "portable" or not OLDER
+    return PORTABLE if found is SINGLE and plain else found
 
 
 def wished_executor() -> str:

@@ -59,7 +59,7 @@ _TAKEN = _CONTROL | _IN_PLACE | frozenset("""
 
 def lanes_taken(jaxpr: Any) -> int:
     """How many lanes of a loop the compiler takes as one function with profit; 0: not even one."""
-    if jax.default_backend() != "cpu" or not OLDER or jaxpr.effects:
+    if jax.default_backend() != "cpu" or jaxpr.effects:
         return 0
     count, largest = 0, 1
     for eqn in equations(jaxpr):
