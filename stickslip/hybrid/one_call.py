@@ -20,7 +20,6 @@ import jax.extend
 import jax.numpy as jnp
 from jax.experimental.xla_metadata import set_xla_metadata
 from jax.interpreters import ad, batching, mlir
-from jax.interpreters import partial_eval as pe
 
 from .._jaxpr import equations
 
@@ -119,24 +118,13 @@ def _push_forward(results, tangents, *, lanes):
     return _marked_p.bind(*results, lanes=lanes), tangents
 
 
-def _without_unread(used, eqn):
-    """Without the results that nobody reads, but for the last one."""
-    if not any(used):
-        return [False] * len(used), None
-    kept = [*used[:-1], True]
-    rows = ([x for x, keep in zip(row, kept, strict=True) if keep] for row in (eqn.invars, eqn.outvars))
-    return kept, eqn.replace(**dict(zip(("invars", "outvars"), rows, strict=True)))
-
-
-# The results of a call; lowered, it sets the attributes on their call. Not public in JAX: the registry
-# that says how it is shortened.
+# The results of a call, all of which are kept if one is; lowered, it sets the attributes on their call.
 _marked_p = jax.extend.core.Primitive("stickslip_as_one")
 _marked_p.multiple_results = True
 _marked_p.def_impl(lambda *results, lanes: list(results))
 _marked_p.def_abstract_eval(lambda *results, lanes: list(results))
 ad.primitive_jvps[_marked_p] = _push_forward
 batching.primitive_batchers[_marked_p] = _batch
-pe.dce_rules[_marked_p] = _without_unread
 mlir.register_lowering(
     _marked_p, mlir.lower_fun(_mark, multiple_results=True), cacheable=False
 )  # fmt: skip
