@@ -222,6 +222,7 @@ def simulate(
 
 @jit_plainly
 def _run(system, args, t0, t1, y0, mode0, ts, integrator, saveat, execute) -> tuple[Solution, Any]:
+    # None until here: to take the usual objects apart in every call would cost a tenth of it.
     integrator = USUAL if integrator is None else integrator
     saveat = USUALLY_KEPT if saveat is None else saveat
     sections, max_events, max_crossings = saveat.sections, saveat.max_events, saveat.max_crossings

@@ -3,7 +3,7 @@
 The parts of an attempt are marked where they are defined: `piece` for those that are differentiated,
 `bookkeeping` for those that are not. In a fused program each is a call that the compiler keeps, so that
 it is computed once, and yields few numbers, because what several results of one call share is computed
-for each. In a portable program the marks do nothing.
+for each. In a portable program they do nothing; that of a time loop makes a single run one function.
 """
 
 import contextlib
