@@ -136,6 +136,7 @@ def _power_jvp(primals, tangents):
     value = power(base, exponent, odd)
     # A constant has no lower power: any finite one does, as the factor is zero.
     lower = exponent * power(base, where(exponent == 0, 1.0, exponent - 1.0), ~odd)
+    lower = where((base == 0) & (exponent < 1.0), 0.0, lower)
     log_base = lax.log(where(base == 0, 1.0, lax.abs(base)))
     return value, lower * tangents[0] + value * log_base * tangents[1]
 
