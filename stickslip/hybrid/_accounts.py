@@ -191,21 +191,25 @@ def _of_events(plan: Plan, code, lane: Lane, h, t, mode, first: First) -> dict[s
     zero_events = jnp.where((event | (code == PLAIN)) & ~short, 0.0, zero_events)
     # The slope of a crossing that is only just one is not known: it is the root of its depth.
     bend = jnp.abs(first.rate - first.rate_start)
-    grazes = (lane.h > 0) & (first.rate**2 * lane.h < 2.0 * bend * plan.touching)
+    shallow = (lane.h > 0) & (first.rate**2 * lane.h < 2.0 * bend * plan.touching)
     # A step may end on a guard that is below zero by rounding only, as at a time asked for: its zero
     # lies before the next step, and its bracket collapses, however steep it is.
-    grazes = jnp.where(code == COLLAPSED, ~_falls_clearly(plan, lane, first), (code == EVENT) & grazes)
+    grazes = jnp.where(code == COLLAPSED, ~_falls_clearly(plan, lane, first), (code == EVENT) & shallow)
     marks, coincides, violated = first.marks, first.close > 1, code == VIOLATED
     mine = of_guard(first.index)
     if plan.functions.num_bends:
         # Where a force does not jump a motion may graze its bend, or meet it with anything else, and
-        # has a derivative all the same; but where it rests there, it has one on each side.
+        # has a derivative all the same, if the force has a slope there; but where it rests there, it
+        # has one on each side.
         bend = plan.functions.is_bend(first.index)
-        touched = ((marks & TOUCHED) != 0) & bend & first.jumps
-        touched = touched | (((marks & RESTED) != 0) & bend & (first.jumps | first.bends))
+        sudden = first.jumps | first.steep
+        touched = ((marks & TOUCHED) != 0) & bend & sudden
+        touched = touched | (((marks & RESTED) != 0) & bend & (sudden | first.bends))
         marks = marks & ~(TOUCHED | RESTED)
         marks = jnp.where(touched, (marks & FLAGS) | GRAZING | mine, marks)
-        grazes, violated = grazes & (fires | first.jumps), violated & fires
+        # Up to a border where a force is steep steps are short: they say nothing on the crossing.
+        shallow = shallow & event & bend & first.steep
+        grazes, violated = (grazes & (fires | first.jumps)) | shallow, violated & fires
         coincides = jnp.where(bend, first.jumps & (first.close > 0), coincides)
     undecided = (code == REFRESH) & _is_undecided(plan, lane, first)
     found = flag(grazes | undecided, GRAZING) | flag(event & coincides, COINCIDENT)

@@ -10,9 +10,12 @@ from typing import Any
 import equinox.internal as eqxi
 import jax
 import jax.numpy as jnp
+import numpy as np
+from jax.flatten_util import ravel_pytree
 from jaxtyping import PyTree
 
 from ._accounts import accounts, crossed_sections, sections_at_zero, steepest, without_passed
+from ._by_length import by_length, stretch
 from ._control import control
 from ._event_decision import First, decide, lowest, search_bracket
 from ._loop_state import (
@@ -27,13 +30,14 @@ from ._loop_state import (
     moved_on,
     without_state,
 )
+from ._steep import has_no_bound
 from ._step import Step, take
 from .accuracy import ACCURACY
 from .event_functions import Values
-from .event_time import event_delay
+from .event_time import at_event, event_delay
 from .executor import bookkeeping, piece
 from .system import mode_type
-from .tree import select, shift
+from .tree import select
 
 
 def attempt(plan: Plan, problem: PyTree, lane: Lane, t1: Any, outputs: Any) -> tuple[Lane, Outcome]:
@@ -80,14 +84,20 @@ def _advance(
     if first is not None and guarded:
         # Computed in every lane, because a batch selects afterwards: where there is no event, `dt` is 0
         # and what the transition makes of the state is thrown away.
-        dt = _delay(plan, code, first, step.h)
-        jump = _transition(plan, lane.mode, first.index, step, lane.t + step.h, dt, problem=problem)
+        slope, ratio = by_length(plan, problem, lane, lane.dy, step.h), None
+        if slope is not None:
+            slopes = slope, step.dy1
+            ratio = stretch(plan, problem, bare.mode, first.index, bare.t + step.h, step.y1, slopes)
+        dt = _delay(plan, code, first, step.h, ratio)
+        y_before = _state_before(plan, step.y1, step.dy1, dt, slope)
+        jump = _transition(
+            plan, lane.mode, first.index, step, lane.t + step.h, dt, slope, problem=problem
+        )
         if plan.functions.num_bends:
-            jumps, bends = _kick(
-                plan, bare.mode, first.index, lane.t + step.h, step.y1, problem=problem
+            jumps, bends, steep = _kick(
+                plan, bare.mode, first.index, bare.t + step.h, step.y1, problem=problem
             )
-            first = first._replace(jumps=jumps, bends=bends)
-        y_before = _shift_state(plan, step.y1, jax.lax.stop_gradient(step.dy1), dt)
+            first = first._replace(jumps=jumps, bends=bends, steep=steep)
 
     keeps = not judged and (first is not None or plan.step_size.adaptive)
     t, y, dy, mode = _end_of_attempt(
@@ -131,43 +141,48 @@ def _advance(
 
 
 @piece
-def _delay(plan: Plan, code, first: First, h):
+def _delay(plan: Plan, code, first: First, h, ratio):
     """Newton correction of the time of the event; it carries the derivative of the event time."""
-    dt = event_delay(first.value, jax.lax.stop_gradient(first.rate), code == EVENT)
+    dt = event_delay(first.value, jax.lax.stop_gradient(first.rate), code == EVENT, ratio)
     # Time does not run back beyond the start of the step, not even by rounding.
     return dt + jax.lax.stop_gradient(jnp.maximum(-h - dt, 0.0))
 
 
 @piece
-def _shift_state(plan: Plan, y, slope, dt):
-    return shift(y, slope, dt)
+def _state_before(plan: Plan, y, dy, dt, slope):
+    return at_event(y, dy, dt, slope)
 
 
 @piece
-def _transition(plan: Plan, mode, guard, step: Step, t_end, dt, *, problem):
+def _transition(plan: Plan, mode, guard, step: Step, t_end, dt, slope, *, problem):
     """State and mode right after the event."""
     system, args = problem
-    # The slope is held: its derivative would enter times `dt`, which is zero but for rounding.
-    y = shift(step.y1, jax.lax.stop_gradient(step.dy1), dt)
+    y = at_event(step.y1, step.dy1, dt, slope)
     y_new, mode_new = system.transition(t_end + dt, y, mode, guard, args)
     return y_new, jnp.asarray(mode_new, mode_type(system))
 
 
 @bookkeeping
 def _kick(plan: Plan, mode, index, t, y, *, problem):
-    """Whether the field jumps where a bend is crossed, and whether its slope does."""
+    """Whether the field jumps where a bend is crossed, whether its slope does, and whether that slope
+    has no bound there."""
     system, args = problem
 
+    flat, back = ravel_pytree(y)
+    # No two components alike: a force between two bodies does not change where both move as one.
+    aside = back(1.0 + (np.arange(flat.size) * 0.618) % 1.0)
+
     def look(mode):
-        return jax.jvp(
-            lambda y: system.vector_field(t, y, mode, args), (y,), (jax.tree.map(jnp.ones_like, y),)
-        )
+        return jax.jvp(lambda y: system.vector_field(t, y, mode, args), (y,), (aside,))
 
     # In one batch: the field is in the program once for both sides.
-    slopes = jax.vmap(look)(jnp.stack([mode, system.transition(t, y, mode, index, args)[1]]))
-    return tuple(
+    modes = jnp.stack([mode, system.transition(t, y, mode, index, args)[1]])
+    slopes = jax.vmap(look)(modes)
+    found = tuple(
         _differs(a, level) for a, level in zip(slopes, (ACCURACY.jump, ACCURACY.zero), strict=True)
     )
+    steep = has_no_bound(system, t, y, modes, index, args) if plan.functions.roots else False
+    return (*found, steep)
 
 
 def _differs(both: PyTree, level: float) -> Any:

@@ -42,9 +42,11 @@ class First(NamedTuple):
     close: Any  # number of guards within rounding of zero at which something jumps
     h_dip: Any  # where a function may have gone, or was seen, through zero and back; else far away
     marks: Any  # flags of a step in which nothing fires: a guard nearly touched, something jumped
-    # Of a bend of a force that comes first: whether the force jumps there, or at least its slope does.
+    # Of a bend of a force that comes first: whether the force jumps there, or at least its slope does;
+    # whether that has no bound there.
     jumps: Any = None
     bends: Any = None
+    steep: Any = None
 
 
 def _no_event(lane: Lane) -> First:
@@ -244,9 +246,11 @@ def decide(plan: Plan, lane: Lane, step: Step, first: First | None) -> Any:
         largest: Any = 1.0
         if first is not None and plan.functions.roots:
             # The slope of `max(d, 0)**1.5`, by which derivatives move, is a root of `d`: up to its zero
-            # a step has fewer digits of them than of the state. A rejected one ends before it.
+            # a step has fewer digits of them than of the state, and so has one that ends just before,
+            # beside its length. A rejected one ends before it.
             rule: Any = plan.step_size
-            at_bend = (code == EVENT) & plan.functions.is_bend(first.index)
+            beside = (code == PLAIN) & (first.value < -0.25 * first.rate * step.h)
+            at_bend = ((code == EVENT) | beside) & plan.functions.is_bend(first.index)
             largest = jnp.where(at_bend, rule.rtol**0.5, largest)
         inaccurate = ~(step.error <= largest)
         # Inside a bracket the steps are parts of one whose error was accepted; the first attempt in a

@@ -1,13 +1,16 @@
-"""Equations of a program that may have no slope somewhere, with a slope of 0 there."""
+"""Equations that may have no slope somewhere, with a slope of 0 there; borders where fields have none."""
 
 from collections.abc import Sequence
 from typing import Any
 
 import jax
 import jax.numpy as jnp
+from jax.flatten_util import ravel_pytree
 from jax.lax import stop_gradient
+from jaxtyping import PyTree
 
 from .._jaxpr import bound
+from .accuracy import ACCURACY
 
 # Which operand of what may have no slope somewhere.
 _OPERANDS = {
@@ -39,3 +42,30 @@ def gently(eqn: Any, values: Sequence, place: int) -> list:
     ends = jnp.maximum(x, 0.0) if eqn.primitive.name in ("sqrt", "pow") else x
     smooth = of(jnp.where(has_slope, values[place], 0.5))
     return [jnp.where(has_slope, smooth, stop_gradient(of(ends)))]
+
+
+def has_no_bound(system: Any, t: Any, y: PyTree, modes: Any, guard: Any, args: PyTree) -> Any:
+    """Whether the slope of the field by the distance from a border has no bound there, in one of two
+    modes: whether it grows towards it as that of a power below 0.8 does."""
+    flat, back = ravel_pytree(y)
+
+    def margin(flat):
+        return jnp.stack(system.guards(t, back(flat), modes[0], args))[guard]
+
+    value, normal = jax.value_and_grad(margin)(flat)
+    size = jnp.sum(jnp.abs(normal * flat)) + jnp.abs(value)
+    across = normal / jnp.maximum(jnp.sum(normal * normal), ACCURACY.tiny)
+
+    border = flat - value * across
+
+    def steepness(mode, distance):
+        def field(flat):
+            return ravel_pytree(system.vector_field(t, back(flat), mode, args))[0]
+
+        return jnp.max(jnp.abs(jax.jvp(field, (border + distance * across,), (across,))[1]))
+
+    # A motion that turns back before the border is some way from it. It was above in the mode before.
+    distances = jnp.array([ACCURACY.edge, ACCURACY.same]) * size
+    of_modes = jax.vmap(lambda m, d: jax.vmap(lambda x: steepness(m, x))(d))
+    near, far = of_modes(modes, jnp.stack([distances, -distances])).T
+    return jnp.any(near > (ACCURACY.same / ACCURACY.edge) ** 0.2 * far)
