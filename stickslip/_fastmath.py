@@ -124,8 +124,8 @@ def power(
 
     With `odd` false for even integers and true otherwise, it continues the power of a positive base
     to negative ones as smoothly as the exponent allows: integer powers come out as polynomials. The
-    derivatives at zero are the limits from the right, and 0 where that has no bound: a base that is zero
-    at an event is so whatever the parameters, and an infinite slope times none is NaN.
+    derivatives at zero are the limits from the right, and 0 where that has no bound: a base that is
+    zero at an event is so whatever the parameters, and an infinite slope times none is NaN.
     """
     magnitude = lax.pow(lax.abs(base), exponent)
     return where(odd, lax.sign(base) * magnitude, magnitude)

@@ -15,7 +15,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import PyTree
 
 from ._accounts import accounts, crossed_sections, sections_at_zero, steepest, without_passed
-from ._by_length import by_length, stretch
+from ._by_length import event_with_slopes
 from ._control import control
 from ._event_decision import First, decide, lowest, search_bracket
 from ._loop_state import (
@@ -34,10 +34,10 @@ from ._steep import has_no_bound
 from ._step import Step, take
 from .accuracy import ACCURACY
 from .event_functions import Values
-from .event_time import at_event, event_delay
+from .event_time import event_delay
 from .executor import bookkeeping, piece
 from .system import mode_type
-from .tree import select
+from .tree import select, shift
 
 
 def attempt(plan: Plan, problem: PyTree, lane: Lane, t1: Any, outputs: Any) -> tuple[Lane, Outcome]:
@@ -84,14 +84,14 @@ def _advance(
     if first is not None and guarded:
         # Computed in every lane, because a batch selects afterwards: where there is no event, `dt` is 0
         # and what the transition makes of the state is thrown away.
-        slope, ratio = by_length(plan, problem, lane, lane.dy, step.h), None
-        if slope is not None:
-            slopes = slope, step.dy1
-            ratio = stretch(plan, problem, bare.mode, first.index, bare.t + step.h, step.y1, slopes)
-        dt = _delay(plan, code, first, step.h, ratio)
-        y_before = _state_before(plan, step.y1, step.dy1, dt, slope)
+        dt, exact = _delay(plan, code, first, step.h), None
+        y_before = _shift_state(plan, step.y1, jax.lax.stop_gradient(step.dy1), dt)
+        if plan.functions.roots:
+            dt, y_before = exact = event_with_slopes(
+                plan, problem, lane, step.h, first.index, code == EVENT, dt, y_before
+            )
         jump = _transition(
-            plan, lane.mode, first.index, step, lane.t + step.h, dt, slope, problem=problem
+            plan, lane.mode, first.index, step, lane.t + step.h, dt, exact, problem=problem
         )
         if plan.functions.num_bends:
             jumps, bends, steep = _kick(
@@ -141,23 +141,24 @@ def _advance(
 
 
 @piece
-def _delay(plan: Plan, code, first: First, h, ratio):
+def _delay(plan: Plan, code, first: First, h):
     """Newton correction of the time of the event; it carries the derivative of the event time."""
-    dt = event_delay(first.value, jax.lax.stop_gradient(first.rate), code == EVENT, ratio)
+    dt = event_delay(first.value, jax.lax.stop_gradient(first.rate), code == EVENT)
     # Time does not run back beyond the start of the step, not even by rounding.
     return dt + jax.lax.stop_gradient(jnp.maximum(-h - dt, 0.0))
 
 
 @piece
-def _state_before(plan: Plan, y, dy, dt, slope):
-    return at_event(y, dy, dt, slope)
+def _shift_state(plan: Plan, y, slope, dt):
+    return shift(y, slope, dt)
 
 
 @piece
-def _transition(plan: Plan, mode, guard, step: Step, t_end, dt, slope, *, problem):
+def _transition(plan: Plan, mode, guard, step: Step, t_end, dt, exact, *, problem):
     """State and mode right after the event."""
     system, args = problem
-    y = at_event(step.y1, step.dy1, dt, slope)
+    # The slope is held: its derivative would enter times `dt`, which is zero but for rounding.
+    y = shift(step.y1, jax.lax.stop_gradient(step.dy1), dt) if exact is None else exact[1]
     y_new, mode_new = system.transition(t_end + dt, y, mode, guard, args)
     return y_new, jnp.asarray(mode_new, mode_type(system))
 

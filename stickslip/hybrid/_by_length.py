@@ -1,57 +1,74 @@
-"""How the end of a step that leads to an event moves with the length of the step.
+"""Ends of steps up to a border where the field has no bounded slope, as `sqrt(d)` at d = 0.
 
-Where a field has no bounded slope at the border that it is led to, as `sqrt(d)` at d = 0, the last
-stages may lie beside the border by rounding, where the slope is 1e8. So large are then the derivatives
-of the end of a step of fixed length, and those by its length. The state at the event, where the guard
-is zero, has those of neither: they cancel if both are those of the step as it was computed. In any
-other field the end moves by the slope there, to the error of the step.
+The last stages of such a step lie beside the border by rounding, where the slope is 1e8. So large are
+the derivatives of the end of a step of fixed length, and those by its length. The state at the event,
+where the guard is zero, has neither: they cancel if both are those of one step as it was computed, and
+if that ends before the border by so much that rounding does not change its slopes. In any other field
+the end moves by the slope there, to the error of the step.
 """
 
 from typing import Any
 
 import jax
 import jax.numpy as jnp
+from jax.lax import stop_gradient
 from jaxtyping import PyTree
 
 from ._loop_state import Plan
+from .accuracy import ACCURACY
+from .event_time import event_delay
+from .tree import shift
 
 
-def by_length(plan: Plan, problem: PyTree, start: Any, dy: PyTree, h: Any) -> PyTree | None:
-    """Slope of the end of a step by its length; None where that is the slope of the motion.
+def length_before(plan: Plan, h: Any) -> Any:
+    """Length of a step that is differentiated, up to an event or a section at `h`."""
+    return h * (1.0 - ACCURACY.same) if plan.functions.roots else h
+
+
+def by_length(plan: Plan, problem: PyTree, start: Any, dy: PyTree, h: Any) -> PyTree:
+    """Slope of the end of a step by its length, held.
 
     `start` has time, state and mode (`t`, `y`, `mode`); `dy`: the slope there.
     """
-    if not plan.functions.roots:
-        return None
-    (system, args), t, y, dy = jax.lax.stop_gradient((problem, start.t, start.y, dy))
-
-    def field(t, y):
-        return system.vector_field(t, y, start.mode, args)
+    problem, t, y, dy, h = stop_gradient((problem, start.t, start.y, dy, h))
 
     def end(h):
-        return plan.stepper.step(field, t, y, dy, h, plan.execute.for_the_ends())[0]
+        return _end(plan, problem, start.mode, t, y, dy, h)
 
-    h = jax.lax.stop_gradient(h)
-    return jax.lax.stop_gradient(jax.jvp(end, (h,), (jnp.ones_like(h),))[1])
+    return stop_gradient(jax.jvp(end, (h,), (jnp.ones_like(h),))[1])
 
 
-def stretch(
-    plan: Plan, problem: PyTree, mode: Any, guard: Any, t: Any, y: PyTree, slopes: tuple
-) -> Any:
-    """Rate of a guard by the length of a step, over that along the motion: `slopes` of its end."""
-    (system, args), t, y, slopes = jax.lax.stop_gradient((problem, t, y, slopes))
+def event_with_slopes(
+    plan: Plan, problem: PyTree, start: Any, h: Any, guard: Any, usable: Any, dt: Any, y: PyTree
+) -> tuple[Any, PyTree]:
+    """Delay `dt` of an event after a step of length `h` and state `y` there, with derivatives."""
+    h = length_before(plan, stop_gradient(h))
+    y1 = _end(plan, problem, start.mode, start.t, start.y, start.dy, h)
+    slope = by_length(plan, problem, start, start.dy, h)
+    (system, args), t = problem, start.t + h
 
     def value(t, y):
-        values = system.guards(t, y, mode, args)
+        values = system.guards(t, y, start.mode, args)
         found = values[0]
         for i in range(1, plan.functions.num_guards):
             found = jnp.where(guard == i, values[i], found)
         return found
 
-    return ratio_of(*(jax.jvp(value, (t, y), (jnp.ones_like(t), s))[1] for s in slopes))
+    rate = jax.jvp(value, stop_gradient((t, y1)), (jnp.ones_like(t), slope))[1]
+    found = value(t, y1)
+    # Right after an event a margin may have no value: its event is there.
+    delay = event_delay(found, stop_gradient(rate), usable & ~jnp.isnan(stop_gradient(found)))
+    delay = delay - stop_gradient(delay)
+    moved = shift(y1, slope, delay)
+    return stop_gradient(dt) + delay, jax.tree.map(
+        lambda a, b: stop_gradient(a) + (b - stop_gradient(b)), y, moved
+    )
 
 
-def ratio_of(by_length: Any, rate: Any) -> Any:
-    """Rate by the length of a step over that along the motion; 1 where there is none."""
-    ratio = jax.lax.stop_gradient(by_length / jnp.where(rate == 0.0, 1.0, rate))
-    return jnp.where(jnp.isfinite(ratio) & (ratio != 0.0), ratio, 1.0)
+def _end(plan: Plan, problem: PyTree, mode: Any, t: Any, y: PyTree, dy: PyTree, h: Any) -> PyTree:
+    system, args = problem
+
+    def field(t, y):
+        return system.vector_field(t, y, mode, args)
+
+    return plan.stepper.step(field, t, y, dy, h, plan.execute.for_the_ends())[0]

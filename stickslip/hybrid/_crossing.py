@@ -17,14 +17,14 @@ from jax.lax import stop_gradient
 from jaxtyping import PyTree
 
 from . import _locate
-from ._by_length import by_length, ratio_of
+from ._by_length import by_length, length_before
 from ._loop_state import Plan
 from ._record import Crossed, Starts
 from ._section import Section
 from .accuracy import ACCURACY
-from .event_time import at_event, event_delay
+from .event_time import event_delay
 from .executor import piece, time_loop
-from .tree import select, write_row
+from .tree import select, shift, write_row
 
 
 def crossings(plan: Plan, problem: PyTree, section: Section, rows: Starts, count: Any) -> Crossed:
@@ -55,11 +55,12 @@ def crossings_near(plan: Plan, problem: PyTree, section: Section, rows: Starts, 
         def start(execute, t, y):
             return field(t, y)
 
-        h = length_of(row, near)
-        dy = start(execute, row.t, row.y)
-        slope = by_length(plan, problem, row, dy, h)
-        y, dy, _ = plan.stepper.step(field, row.t, row.y, dy, h, execute)
-        return land_on_section(problem, section, row, h, y, dy, slope)
+        h = length_before(plan, length_of(row, near))
+        dy0 = start(execute, row.t, row.y)
+        y, dy, _ = plan.stepper.step(field, row.t, row.y, dy0, h, execute)
+        if plan.functions.roots:
+            dy = by_length(plan, problem, row, dy0, h)
+        return land_on_section(problem, section, row, h, y, dy)
 
     return jax.vmap(land)(rows, near)
 
@@ -99,22 +100,17 @@ def _of_each(function: Callable, rows: Starts, count: Any, like: PyTree) -> PyTr
     return jax.lax.while_loop(lambda carry: carry[0] < most, body, begun)[1]
 
 
-def land_on_section(problem, section: Section, row: Any, h, y, dy, along=None) -> Crossed:
+def land_on_section(problem, section: Section, row: Any, h, y, dy) -> Crossed:
     """From the end of the shortened step one Newton step onto the section with its exact rate.
 
-    `along`: slope of the end by the length of the step, where it is not `dy`.
+    `dy`: the slope at the end, or that by the length of the step where these differ.
     """
     t, slope = row.t + h, stop_gradient(dy)
     (value, dy), (rate, ddy) = _along(problem, section, row.mode, t, y, slope)
     # A jump over the section is a step of length zero: its time is that of the event.
     usable = (row.h > 0) & (stop_gradient(rate) != 0)
-    if along is None:
-        dt, ends = event_delay(value, stop_gradient(rate), usable), (None, None)
-    else:
-        _, found = stop_gradient(_along(problem, section, row.mode, t, y, along))
-        dt = event_delay(value, stop_gradient(rate), usable, ratio_of(found[0], rate))
-        ends = along, found[1]
-    return Crossed(t + dt, at_event(y, slope, dt, ends[0]), at_event(dy, ddy, dt, ends[1]), row.mode)
+    dt = event_delay(value, stop_gradient(rate), usable)
+    return Crossed(t + dt, shift(y, slope, dt), shift(dy, stop_gradient(ddy), dt), row.mode)
 
 
 def field_of(problem, mode):

@@ -12,14 +12,14 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
-from ._by_length import by_length, stretch
+from ._by_length import by_length, length_before
 from ._crossing import land_on_section, length_of
 from ._loop_state import EVENT, Lane, Outcome, Plan, is_event, moved_on
 from ._record import Logs
 from ._section import Section
-from .event_time import at_event, event_delay
+from .event_time import event_delay
 from .executor import piece
-from .tree import select
+from .tree import select, shift
 
 
 class Tape(NamedTuple):
@@ -109,8 +109,10 @@ def pull(
         return system.vector_field(t, y, row.mode, args)
 
     zero = jax.tree.map(jnp.zeros_like, y_bar)
-    problem = eqx.combine(varied, held)
-    slope = by_length(plan, problem, row, row.dy, row.h) if plan.functions.num_guards else None
+    h, slope = row.h, None
+    if plan.functions.roots:
+        h = jnp.where(event, length_before(plan, h), h)
+        slope = by_length(plan, eqx.combine(varied, held), row, row.dy, h)
 
     def end(y1, dy1):
         """Cotangents of the end of the Runge-Kutta step, and those of parameters and time there."""
@@ -119,19 +121,15 @@ def pull(
         dy1_bar = select(moved, dy_bar, zero)
         if not plan.functions.num_guards:
             return (y1_bar, dy1_bar), (jax.tree.map(jnp.zeros_like, varied), end_t_bar)
-        ratio = None
-        if slope is not None:
-            slopes = slope, dy1
-            ratio = stretch(plan, problem, row.mode, row.guard, row.t + row.h, y1, slopes)
         at_end, jump_t, jump_y1 = _pull_jump(
-            plan, varied, row, y1, dy1, (slope, ratio), jnp.where(event, end_t_bar, 0.0),
+            plan, varied, row, h, y1, dy1 if slope is None else slope, jnp.where(event, end_t_bar, 0.0),
             select(event, before_bar, zero), select(event, _add(y_bar, after_bar), zero), held=held,
         )  # fmt: skip
         end_t_bar = jnp.where(event, jump_t, end_t_bar)
         return (select(event, jump_y1, y1_bar), dy1_bar), (at_end, end_t_bar)
 
     (at_end, end_t_bar), (in_step, step_t, step_y, step_dy) = plan.stepper.vjp(
-        field, varied, row.t, row.y, row.dy, row.h, end, plan.execute
+        field, varied, row.t, row.y, row.dy, h, end, plan.execute
     )
     found = (
         jax.tree.map(lambda a, b, c: a + jnp.where(used, b + c, 0.0), problem_bar, at_end, in_step),
@@ -154,11 +152,13 @@ def _pull_crossing(
     """Cotangents before an attempt from those of the crossing inside it, zero where there is none."""
     bar = _row_bar(log, number, fired == 1)
     h = length_of(row, near[jnp.minimum(number, near.shape[0] - 1).astype(jnp.int32)])
-    slope = by_length(plan, eqx.combine(varied, held), row, row.dy, h)
+    h, slope = length_before(plan, h), None
+    if plan.functions.roots:
+        slope = by_length(plan, eqx.combine(varied, held), row, row.dy, h)
 
     def end(y1, dy1):
         at_end, t_bar, y1_bar = _pull_landing(
-            plan, varied, row, h, y1, dy1, slope, bar, section=section, held=held
+            plan, varied, row, h, y1, dy1 if slope is None else slope, bar, section=section, held=held
         )
         return (y1_bar, jax.tree.map(jnp.zeros_like, dy1)), (at_end, t_bar)
 
@@ -175,19 +175,17 @@ def _pull_crossing(
 
 
 @piece
-def _pull_landing(plan: Plan, varied, row: Tape, h, y1, dy1, along, bar, *, section: Section, held):
+def _pull_landing(plan: Plan, varied, row: Tape, h, y1, dy1, bar, *, section: Section, held):
     def land(varied, t, y1):
         problem = eqx.combine(varied, held)
-        found = land_on_section(problem, section, row._replace(t=t), h, y1, dy1, along)
+        found = land_on_section(problem, section, row._replace(t=t), h, y1, dy1)
         return found.t, found.y, found.dy
 
     return jax.vjp(land, varied, row.t, y1)[1]((bar.t, bar.y, bar.dy))
 
 
 @piece
-def _pull_jump(plan: Plan, varied, row: Tape, y1, dy1, along, t_bar, before_bar, after_bar, *, held):
-    slope, ratio = along
-
+def _pull_jump(plan: Plan, varied, row: Tape, h, y1, dy1, t_bar, before_bar, after_bar, *, held):
     def end(varied, t, y1):
         system, args = eqx.combine(varied, held)
         functions = plan.functions
@@ -196,10 +194,10 @@ def _pull_jump(plan: Plan, varied, row: Tape, y1, dy1, along, t_bar, before_bar,
         for i in range(1, functions.num_guards):
             value = jnp.where(row.guard == i, values.value[i], value)
             rate = jnp.where(row.guard == i, values.rate[i], rate)
-        dt = event_delay(value, jax.lax.stop_gradient(rate), row.code == EVENT, ratio)
-        before = at_event(y1, dy1, dt, slope)
+        dt = event_delay(value, jax.lax.stop_gradient(rate), row.code == EVENT)
+        before = shift(y1, dy1, dt)
         after, _ = system.transition(t + dt, before, row.mode, row.guard, args)
         return t + dt, before, after
 
-    _, pull = jax.vjp(end, varied, row.t + row.h, y1)
+    _, pull = jax.vjp(end, varied, row.t + h, y1)
     return pull((t_bar, before_bar, after_bar))

@@ -1,4 +1,4 @@
-"""Equations that may have no slope somewhere, with a slope of 0 there; borders where fields have none."""
+"""Equations that may have no slope somewhere, with one of 0 there; borders where fields have none."""
 
 from collections.abc import Sequence
 from typing import Any
