@@ -54,8 +54,8 @@ class AbstractStepper(eqx.Module):
         Returns `(y1, dy1, errors)`: the state at the end, its slope `field(t + h, y1)`, and error
         estimates of the form of `y` (none, one, or two as in `Tableau`). `h` is zero in the first
         attempt after an event, where `y1 = y` and only the slope counts. The function is pure and is
-        differentiated by JAX, by `h` where a field has roots. A step that fails returns NaN, and is tried
-        again shorter.
+        differentiated by JAX, by `h` where a field has roots. A step that fails returns NaN, and is
+        tried again shorter.
         `execute` says how the program is compiled; a method may ignore it.
         """
 
