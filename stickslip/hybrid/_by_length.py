@@ -9,6 +9,7 @@ the end moves by the slope there, to the error of the step.
 
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax.lax import stop_gradient
@@ -30,7 +31,8 @@ def by_length(plan: Plan, problem: PyTree, start: Any, dy: PyTree, h: Any) -> Py
 
     `start` has time, state and mode (`t`, `y`, `mode`); `dy`: the slope there.
     """
-    problem, t, y, dy, h = stop_gradient((problem, start.t, start.y, dy, h))
+    t, y, dy, h = stop_gradient((start.t, start.y, dy, h))
+    problem = jax.tree.map(lambda a: stop_gradient(a) if eqx.is_array(a) else a, problem)
 
     def end(h):
         return _end(plan, problem, start.mode, t, y, dy, h)

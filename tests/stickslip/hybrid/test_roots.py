@@ -20,14 +20,19 @@ END = 4.0  # s
 PLACES = np.linspace(0.3, 0.95, 14)
 
 
+def power(depth, p):
+    return jnp.maximum(depth, 0.0) ** p
+
+
 class Root(ss.AbstractSmoothSystem):
     """An oscillator, x'' = -x - d^p, with the depth d of x beyond a border a."""
 
     a: Any
     p: float = eqx.field(static=True, default=0.5)
+    force: Any = power  # a function among the fields, which nothing differentiates
 
     def vector_field(self, t, y, mode, args):
-        return Motion(x=y.v, v=-y.x - jnp.maximum(y.x - self.a, 0.0) ** self.p)
+        return Motion(x=y.v, v=-y.x - self.force(y.x - self.a, self.p))
 
 
 class Damper(ss.AbstractSmoothSystem):
