@@ -183,7 +183,7 @@ ENGINE = [
         hybrid.raise_failures, {"solution": arg(RUN), "successful": arg(True, "flag", "mask")},
         lambda **given: jax.eval_shape(lambda: hybrid.raise_failures(**given)),
     ),
-    Target(hybrid.Executor, {"fused": arg(False, "flag"), "compact": arg(False, "flag")}),
+    Target(hybrid.Executor, dict.fromkeys(("fused", "single", "compact"), arg(False, "flag"))),
     Target(
         hybrid.use_executor, {"executor": arg(hybrid.PORTABLE)},
         lambda executor: hybrid.use_executor(executor).__enter__(),
