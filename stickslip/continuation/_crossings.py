@@ -21,10 +21,10 @@ RIGHT, LEFT, PAIR = "right", "left", "pair"
 
 def of_kind(found: np.ndarray, kind: str) -> np.ndarray:
     """Eigenvalues of one kind; of a pair the one above the real axis."""
-    real = np.abs(found.imag) <= ENGINE.same * np.abs(found)
+    real = np.abs(np.imag(found)) <= ENGINE.same * np.abs(found)
     if kind == PAIR:
-        return found[~real & (found.imag > 0.0)]
-    return found[real & ((found.real > 0.0) == (kind == RIGHT))]
+        return found[~real & (np.imag(found) > 0.0)]
+    return found[real & ((np.real(found) > 0.0) == (kind == RIGHT))]
 
 
 def partners(found: np.ndarray) -> list[tuple[int, int]]:
@@ -34,7 +34,7 @@ def partners(found: np.ndarray) -> list[tuple[int, int]]:
     sign of a product over all: but they vanish where one pair grows as fast as another one decays.
     """
     number = range(found.size)
-    real = found.imag == 0.0
+    real = np.imag(found) == 0.0
     return [
         (i, j) for i in number for j in range(i) if found[i] == found[j].conj() or real[i] & real[j]
     ]

@@ -101,7 +101,7 @@ def exchanges(one: Rest, other: Rest) -> bool:
     """Whether between two equilibria one mode begins to grow and another one ceases to."""
     spaces = []
     for rest in (one, other):
-        taken = (_rates(rest) > ENGINE.solved) & (rest.eigenvalues.imag >= 0.0)
+        taken = (_rates(rest) > ENGINE.solved) & (np.imag(rest.eigenvalues) >= 0.0)
         vectors = rest.vectors[:, taken] / one.measure.columns[:-1, None]
         parts = np.hstack([np.real(vectors), np.imag(vectors)])
         spaces.append(parts[:, np.any(parts != 0.0, axis=0)])
@@ -111,7 +111,7 @@ def exchanges(one: Rest, other: Rest) -> bool:
 def _real_rates(rest: Rest, kind: str) -> np.ndarray:
     """Those of the eigenvalues of a real kind and of its negatives, by the largest of all, in order."""
     found = rest.eigenvalues
-    real = np.real(found[np.abs(found.imag) <= ENGINE.same * np.abs(found)])
+    real = np.real(found[np.abs(np.imag(found)) <= ENGINE.same * np.abs(found)])
     return np.sort(real)[::-1] / max(np.max(np.abs(found)), 1e-300)
 
 

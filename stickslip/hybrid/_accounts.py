@@ -149,15 +149,16 @@ def accounts(
     # Later lines take precedence.
     status = jnp.full_like(code, float(RUNNING))
     status = jnp.where(attempts >= plan.max_steps, _STATUS["max_steps_reached"], status)
-    if first is not None:
+    guarded = plan.functions.num_guards > 0
+    if guarded and first is not None:
         kept |= _of_events(plan, code, lane, h, t, mode, first)
         if plan.max_events is not None:
             status = jnp.where(kept["events"] > plan.max_events, _STATUS["max_events_reached"], status)
-    elif plan.functions.num_guards:
+    elif guarded:
         kept["zero_events"] = jnp.where(is_accepted(code) & ~_short(h, t), 0.0, lane.zero_events)
     kept["crossings"], status = _crossing_counts(plan, lane.crossings, fired, status)
     if first is not None:
-        if plan.functions.num_guards:
+        if guarded:
             # Of bends all may be met in one instant, each of them twice.
             chatters = (
                 kept["zero_events"] > ACCURACY.events_at_one_instant + 2 * plan.functions.num_bends
@@ -182,8 +183,6 @@ def _of_events(plan: Plan, code, lane: Lane, h, t, mode, first: First) -> dict[s
         fresh=jnp.where(event, 0.0, jnp.where(moved, 1.0, lane.fresh)),
         events=lane.events + jnp.where(fires, 1.0, 0.0),
     )
-    if not plan.functions.num_guards:
-        return kept
     # Counted as chattering only without time in between: two events at one instant are common, and
     # sixteen are a sequence of transitions that sends the lane round in circles, or a Zeno point.
     short = _short(h, t)

@@ -53,18 +53,23 @@ def attempt(plan: Plan, problem: PyTree, lane: Lane, t1: Any, outputs: Any) -> t
     def as_decided(lane, step, code, t1, outputs):
         return _advance(plan, problem, lane, step, code, first, t1, outputs)
 
-    if plan.execute.fused and not plan.interrupts:
-        return as_decided(lane, step, code, t1, outputs)
-
     def take_plainly(lane, step, code, t1, outputs):
         return _advance(plan, problem, lane, step, code, None, t1, outputs, judged=True)
 
+    def wait(lane, step, code, t1, outputs):
+        nothing = code > HOLD
+        fired = tuple(nothing for _ in plan.functions.sections)
+        return lane, Outcome(code, jnp.zeros_like(lane.mode), nothing, fired, step.y1, step.dy1)
+
     # One branch for the whole batch, so that `vmap` does not make it a selection of both. It also
     # keeps the compiler from computing the stages of a portable program once per result.
+    if first is None or not plan.locates:
+        if plan.execute.fused:
+            return as_decided(lane, step, code, t1, outputs)
+        ended = eqxi.unvmap_all(code == HOLD)
+        return jax.lax.cond(ended, wait, as_decided, lane, step, code, t1, outputs)
     # A lane that has ended is calm too: one that waits must not send the others down the long way.
-    calm = (code == PLAIN) | (code == HOLD)
-    if first is not None:
-        calm = calm & (first.marks == 0)
+    calm = ((code == PLAIN) | (code == HOLD)) & (first.marks == 0)
     return jax.lax.cond(eqxi.unvmap_all(calm), take_plainly, as_decided, lane, step, code, t1, outputs)
 
 
@@ -115,9 +120,11 @@ def _advance(
     # because a hop of the search may be arbitrarily short.
     search, bracket, full = None, lane.bracket, lane.full
     if first is not None:
-        bracket, full, h_located = search_bracket(plan, bare, code, step.h, first)
+        h_located = step.h
+        if plan.locates:
+            bracket, full, h_located = search_bracket(plan, bare, code, step.h, first)
         search = h_located, first.h_dip
-    elif plan.interrupts:
+    elif plan.locates:
         full = step.h
     # The next length is chosen from the new time: an output or the end may be nearer than the rule's
     # step, and an event has moved the time by `dt`.
@@ -171,7 +178,7 @@ def _kick(plan: Plan, mode, index, t, y, *, problem):
 
     flat, back = ravel_pytree(y)
     # No two components alike: a force between two bodies does not change where both move as one.
-    aside = back(1.0 + (np.arange(flat.size) * 0.618) % 1.0)
+    aside = back(jnp.asarray(1.0 + (np.arange(flat.size) * 0.618) % 1.0))
 
     def look(mode):
         return jax.jvp(lambda y: system.vector_field(t, y, mode, args), (y,), (aside,))

@@ -22,6 +22,7 @@ from ._loop_state import (
     VIOLATED,
     Lane,
     Plan,
+    knows_slope,
 )
 from ._step import Step
 from .accuracy import ACCURACY
@@ -234,10 +235,10 @@ def is_guard(functions: EventFunctions, first: First):
 def decide(plan: Plan, lane: Lane, step: Step, first: First | None) -> Any:
     """Code of the attempt; later lines take precedence. `first` is None without event functions."""
     # The first attempt in a mode has length zero and computes the slope.
-    knows_slope = lane.attempts > 0 if first is None else lane.fresh == 1.0
-    code = jnp.where(knows_slope, PLAIN, REFRESH)
+    fresh = knows_slope(plan, lane)
+    code = jnp.where(fresh, PLAIN, REFRESH)
     if first is not None:
-        code = _what_fires(plan, lane, step.h, first, code)
+        code = _what_fires(plan, lane, step.h, first, fresh, code)
     # A step into a pole is tried again shorter, where steps adapt, until its length ends the lane.
     bad = ~all_finite((step.y1, step.dy1))
     if first is not None and plan.functions.num_guards:
@@ -258,15 +259,17 @@ def decide(plan: Plan, lane: Lane, step: Step, first: First | None) -> Any:
         # bends at the event alone, as a friction law does at rest: the step that ends there has.
         if first is not None:
             ends = (lane.bracket.tries == 0) | ((code >= SECTION) & (code < COLLAPSED))
-            inaccurate = inaccurate & ends & knows_slope
+            inaccurate = inaccurate & ends & fresh
         bad = bad | inaccurate
     code = jnp.where(bad, REJECT, code)
     return jnp.where(lane.status == RUNNING, code, HOLD)
 
 
-def _what_fires(plan: Plan, lane: Lane, h: Any, first: First, code: Any) -> Any:
+def _what_fires(plan: Plan, lane: Lane, h: Any, first: First, fresh: Any, code: Any) -> Any:
+    if not plan.locates:
+        return jnp.where(fresh & (first.h_dip < ACCURACY.far), DIP, code)
     functions, b = plan.functions, lane.bracket
-    free, fresh = b.tries == 0, lane.fresh == 1.0
+    free = b.tries == 0
     guards = is_guard(functions, first)
     rate = first.rate
     tolerance = jnp.where(guards, ACCURACY.solved, ACCURACY.same)

@@ -40,7 +40,7 @@ class Lane(NamedTuple):
     y: PyTree
     dy: PyTree  # slope at (t, y, mode); stale right after an event, until an attempt of length zero
     mode: Any
-    fresh: Any  # whether `dy` and `values` belong to the present mode
+    fresh: Any  # with guards, whether `dy` and `values` belong to the present mode
     values: tuple  # event functions at (t, y); 0 for what has just fired and fires both ways
     rates: tuple
     scales: tuple  # magnitudes of the guards behind `values`, where they are learned
@@ -142,10 +142,14 @@ class Plan(eqx.Module):
         return 5e3 * rule.rtol if rule.adaptive else 5e-7
 
     @property
+    def locates(self) -> bool:
+        """Whether the zero of an event function can end a step: not if all are recorded sections."""
+        return any(self.functions.acts(i) for i in range(self.functions.count))
+
+    @property
     def interrupts(self) -> bool:
         """Whether an event function can shorten a step: not if all are sections known at its end."""
-        functions = self.functions
-        return any(functions.acts(i) or self.detect_dips for i in range(functions.count))
+        return self.locates or (self.detect_dips and self.functions.count > 0)
 
 
 def is_event(code: Any) -> Any:
@@ -198,6 +202,11 @@ def start_lane(plan: Plan, t0, y0, mode0) -> Lane:
         events=zero,
         crossings=(zero,) * len(plan.functions.sections),
     )
+
+
+def knows_slope(plan: Plan, lane: Lane) -> Any:
+    """Whether `dy` and `values` belong to the present mode, of which there is one without guards."""
+    return lane.fresh == 1.0 if plan.functions.num_guards else lane.attempts > 0
 
 
 def without_state(lane: Lane) -> Lane:

@@ -225,7 +225,8 @@ def _run(system, args, t0, t1, y0, mode0, ts, integrator, saveat, execute) -> tu
     # None until here: to take the usual objects apart in every call would cost a tenth of it.
     integrator = USUAL if integrator is None else integrator
     saveat = USUALLY_KEPT if saveat is None else saveat
-    sections, max_events, max_crossings = saveat.sections, saveat.max_events, saveat.max_crossings
+    sections: Any = saveat.sections
+    max_events, max_crossings = saveat.max_events, saveat.max_crossings
     if mode0 is None:
         mode0 = first_mode(*frozen((system, t0, y0, args)))
     problem = (system, args)
