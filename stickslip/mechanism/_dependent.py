@@ -256,8 +256,7 @@ class DependentWithStops(_AbstractDependentContacts):
 
     @classmethod
     def takes(cls, part: Part) -> bool:
-        several = part.dependent and not part.shut
-        return several and not part.varies and part.stops > 0 and _few(part)
+        return part.dependent and not part.varies and part.stops > 0 and _few(part)
 
     def carries(self, here: LocalInstant) -> Any:
         return False

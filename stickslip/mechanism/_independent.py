@@ -167,7 +167,7 @@ class SeparateContacts(_AbstractFixedDirections):
 
     @classmethod
     def takes(cls, part: Part) -> bool:
-        if part.varies or part.dependent or part.shut:
+        if part.varies or part.dependent:
             return False
         apart = decoupled_inertia(part, completed_inverse(part.directions)) | np.eye(
             len(part.columns), dtype=bool
@@ -183,7 +183,7 @@ class CoupledContacts(_AbstractFixedDirections):
 
     @classmethod
     def takes(cls, part: Part) -> bool:
-        return not (part.varies or part.dependent or part.shut)
+        return not (part.varies or part.dependent)
 
 
 def states_one_by_one(problem: Problem) -> tuple[NumberRow, Any]:

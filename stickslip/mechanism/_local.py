@@ -66,12 +66,12 @@ class Part(NamedTuple):
     @property
     def in_general_position(self) -> bool:
         """Whether a direction varies, and is taken not to depend on the others."""
-        return self.varies and not self.dependent and not self.shut
+        return self.varies and not self.dependent
 
     @property
-    def shut(self) -> bool:
-        """Whether a stop acts on one velocity beside others: what rests, holds it."""
-        return len(self.columns) == 1 and len(self.rows) > 1 and self.stops > 0
+    def on_one_velocity(self) -> bool:
+        """Whether several contacts and stops act on one velocity: what rests, holds it."""
+        return len(self.columns) == 1 and len(self.rows) > 1
 
 
 class LocalInstant:

@@ -14,7 +14,7 @@ from ._laws import NO_LIMIT, Bounds
 from ._local import LocalInstant, Part
 from ._motion import Motion
 from ._reserve import least_reserve
-from ._rows import NumberRow, any_of
+from ._rows import NumberRow, any_of, each
 from ._scalars import Mass, choose, is_zero, minus, over, times, total, without_slope
 from ._search import Overload, Problem, resting, senses_of, states_by_search
 from ._varying import contacts_at_rest, ends_at_rest, passing_through, with_loose
@@ -109,7 +109,7 @@ class StopsOnOneVelocity(_AbstractOneVelocity):
 
     @classmethod
     def takes(cls, part: Part) -> bool:
-        return part.shut and part.contacts == 0
+        return part.on_one_velocity and part.contacts == 0
 
     def off(self, lines: list, motion: Motion, c: int) -> Any:
         """Force of stop `c` on the mechanism, along its gradient, if it bears all that rests [N]."""
@@ -144,7 +144,7 @@ class ContactsOnOneVelocity(_AbstractOneVelocity):
 
     @classmethod
     def takes(cls, part: Part) -> bool:
-        return part.shut and part.contacts > 0
+        return part.on_one_velocity and part.contacts > 0
 
     @property
     def joint_guards(self) -> int:
@@ -165,8 +165,33 @@ class ContactsOnOneVelocity(_AbstractOneVelocity):
             for i, (s, beside) in enumerate(zip(own, self._beside(here, states, motion), strict=True)):
                 slides = some & (s != 2.0) if i < k else rest[i]
                 found[i] = where(slides, beside, found[i])
+        slides = each(lambda s: (s != 0.0) & (s != 2.0), own)
+        for c in range(k):
+            # Of several that stop as one the first says so.
+            found[c] = where(self._goes_as_one_of(here, c, slides, c), 1.0, found[c])
         left, _ = self.reserve(here.lines, here.static, rest, motion)
         return Guards(tuple(found), {}, (where(left < jnp.inf, left, 1.0),))
+
+    def _goes_as_one_of(self, here: LocalInstant, c: int, others: NumberRow, end: int) -> Any:
+        """Whether contact `c` has the speed of one of `others` before `end`, on a surface as fast.
+
+        None does while surfaces or directions vary: what is alike now may part.
+        """
+        n, w = [line[0] for line in here.lines], here.surfaces
+        found: Any = others[c] & ~others[c]
+        if here.drifts or self.part.varies:
+            return found
+        for d in (d for d in range(end) if d != c):
+            one, other = (jnp.asarray(times(n[a], w[b])) for a, b in ((d, c), (c, d)))
+            apart = jnp.abs(one - other) > ENGINE.zero * (jnp.abs(one) + jnp.abs(other))
+            found = found | (others[d] & ~apart)
+        return found
+
+    def still(self, here: LocalInstant, own: NumberRow, hit: NumberRow, stops: Any) -> NumberRow:
+        found, k = super().still(here, own, hit, stops), self.contacts
+        # What goes as one that rests does rests with it, whatever rounding left of its speed.
+        with_one = [self._goes_as_one_of(here, c, found, k) & (own[c] != 2.0) for c in range(k)]
+        return (*(f | x for f, x in zip(found, with_one, strict=False)), *found[k:])
 
     def _beside(self, here: LocalInstant, states: Any, motion: Motion) -> list[Any]:
         """Guards where something rests beside surfaces that move.

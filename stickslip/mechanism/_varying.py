@@ -26,7 +26,7 @@ class VaryingContacts(AbstractIndependentContacts):
 
     @classmethod
     def takes(cls, part: Part) -> bool:
-        return part.varies and not part.dependent and not part.shut
+        return part.in_general_position
 
     def motion(self, M: Mass, F: Any, J: list[list], rest: NumberRow, gamma: list) -> Motion:
         if (self.m, self.n) != (1, 1):

@@ -132,7 +132,7 @@ STARTED = {
     ),
     "dependent surfaces that speed up": (
         dict(
-            directions={"pad": (1, 0), "lid": (1, 0)},
+            directions={"pad": (1, 1), "lid": (1, 1)},
             contacts=lambda t, q, v: {**pad(surface_speed=jnp.sin(t)), "lid": Contact(DRY)},
         ),
         "pad.*constant speed",
