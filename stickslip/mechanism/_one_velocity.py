@@ -173,9 +173,9 @@ class ContactsOnOneVelocity(_AbstractOneVelocity):
         return Guards(tuple(found), {}, (where(left < jnp.inf, left, 1.0),))
 
     def _goes_as_one_of(self, here: LocalInstant, c: int, others: NumberRow, end: int) -> Any:
-        """Whether contact `c` has the speed of one of `others` before `end`, on a surface as fast.
+        """Whether the sliding speed of contact `c` is a multiple of that of one of `others` before `end`.
 
-        None does while surfaces or directions vary: what is alike now may part.
+        False while surfaces or directions vary: speeds that are alike now may part.
         """
         n, w = [line[0] for line in here.lines], here.surfaces
         found: Any = others[c] & ~others[c]
@@ -189,7 +189,7 @@ class ContactsOnOneVelocity(_AbstractOneVelocity):
 
     def still(self, here: LocalInstant, own: NumberRow, hit: NumberRow, stops: Any) -> NumberRow:
         found, k = super().still(here, own, hit, stops), self.contacts
-        # What goes as one that rests does rests with it, whatever rounding left of its speed.
+        # A contact that goes as one that rests, rests with it, whatever rounding left of its speed.
         with_one = [self._goes_as_one_of(here, c, found, k) & (own[c] != 2.0) for c in range(k)]
         return (*(f | x for f, x in zip(found, with_one, strict=False)), *found[k:])
 
