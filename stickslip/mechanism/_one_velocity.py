@@ -173,7 +173,7 @@ class ContactsOnOneVelocity(_AbstractOneVelocity):
         return Guards(tuple(found), {}, (where(left < jnp.inf, left, 1.0),))
 
     def _goes_as_one_of(self, here: LocalInstant, c: int, others: NumberRow, end: int) -> Any:
-        """Whether the sliding speed of contact `c` is a multiple of that of one of `others` before `end`.
+        """Whether the sliding speed of contact `c` is a multiple of one of `others` before `end`.
 
         False while surfaces or directions vary: speeds that are alike now may part.
         """
