@@ -30,6 +30,8 @@ STRUCTURES = {
     "dependent, of fewer than all velocities": [[1.0, -1.0, 0.0], [-1.0, 1.0, 0.0], [1.0, 1.0, 0.0]],
 }
 DEPENDENT = [name for name, J in STRUCTURES.items() if np.linalg.matrix_rank(J) < len(J)]
+# Those of one velocity are a kind of their own, without tables of what holds what.
+OF_SEVERAL_VELOCITIES = [name for name in DEPENDENT if len(STRUCTURES[name][0]) > 1]
 
 
 class Instants(NamedTuple):

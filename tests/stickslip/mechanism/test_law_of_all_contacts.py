@@ -10,7 +10,7 @@ from stickslip.mechanism._laws import Bounds
 from stickslip.mechanism._scalars import Mass
 from tests.oracle import resolve
 from tests.stickslip.mechanism._groups import (
-    DEPENDENT,
+    OF_SEVERAL_VELOCITIES,
     STRUCTURES,
     distance,
     enumerated,
@@ -67,7 +67,7 @@ def outside(J, load, bounds) -> float:
 
 
 @pytest.mark.more
-@pytest.mark.parametrize("name", DEPENDENT)
+@pytest.mark.parametrize("name", OF_SEVERAL_VELOCITIES)
 def test_share_of_what_dependent_contacts_bear(name):
     """The largest load in the direction of the given one, by linear programming."""
     of, given = named(name), instants(name, 60, seed=2)

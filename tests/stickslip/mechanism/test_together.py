@@ -16,14 +16,13 @@ from stickslip.mechanism._scalars import Mass
 from stickslip.mechanism._search import UNRESISTED
 from tests.stickslip.mechanism._groups import (
     DEPENDENT,
-    STRUCTURES,
+    OF_SEVERAL_VELOCITIES,
     distance,
     found,
     instants,
     named,
 )
 
-OF_SEVERAL_VELOCITIES = [name for name in DEPENDENT if len(STRUCTURES[name][0]) > 1]
 EXECUTORS = {"vector": PORTABLE, "tuple": FUSED}
 COUNT = 300
 
