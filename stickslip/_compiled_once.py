@@ -1,6 +1,7 @@
 """A function that comes anew at every call, compiled once for all that mean the same."""
 
 import collections
+import itertools
 import threading
 from collections.abc import Callable
 from typing import Any
@@ -11,6 +12,7 @@ import jax.extend
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
+from ._blas import one_thread
 from ._code import code_key
 from ._validation import is_concrete
 from .hybrid.compile_options import plain_options
@@ -45,7 +47,7 @@ def compiled_once(function: Callable[..., PyTree], *operands: PyTree, key: Any =
         if kept is not None:
             ready()
             program, consts, form, rest = kept
-            return eqx.combine(jax.tree.unflatten(form, program(*consts, *leaves)), rest)
+            return eqx.combine(jax.tree.unflatten(form, _run(program, consts, leaves)), rest)
     rest: Any = None
 
     def arrays(*operands):
@@ -73,6 +75,10 @@ def compiled_once(function: Callable[..., PyTree], *operands: PyTree, key: Any =
             _known[key] = program, consts, form, rest
             while len(_known) > MOST_KEPT:
                 _known.popitem(last=False)
+    return eqx.combine(jax.tree.unflatten(form, _run(program, given)), rest)
+
+
+def _run(program: Callable, *operands: list) -> Any:
     # The end of a call is that of its meter.
-    found = jax.block_until_ready(program(*given))
-    return eqx.combine(jax.tree.unflatten(form, found), rest)
+    with one_thread:
+        return jax.block_until_ready(program(*itertools.chain(*operands)))

@@ -69,6 +69,7 @@ def pytest_configure(config: pytest.Config) -> None:
     # takes a sixth of its time.
     gc.set_threshold(100_000, 20, 100)
     os.environ["STICKSLIP_PROGRESS"] = "off"
+    os.environ["OPENBLAS_NUM_THREADS"] = "1"  # of a worker, which has one core, for NumPy and SciPy too
     os.environ["XLA_FLAGS"] = " ".join([os.environ.get("XLA_FLAGS", ""), *flags])
     if getattr(config, "cache", None) is not None:  # absent with `-p no:cacheprovider`
         os.environ["STICKSLIP_CACHE"] = str(config.cache.mkdir("programs"))

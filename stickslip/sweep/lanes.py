@@ -13,6 +13,7 @@ import numpy as np
 from jax.sharding import Mesh, PartitionSpec
 from jaxtyping import PyTree
 
+from .._blas import one_thread
 from .._code import code_and_traced, code_key
 from .._validation import (
     check_callable,
@@ -253,10 +254,14 @@ class map_lanes:
         return self._compiled[key]
 
     def _run(self, program, parts):
-        if len(parts) == 1:
-            return program(parts[0])
-        with concurrent.futures.ThreadPoolExecutor(len(parts)) as pool:
-            outs = list(pool.map(lambda part: jax.block_until_ready(program(part)), parts))
+        def outputs(part):
+            return jax.block_until_ready(program(part))
+
+        with one_thread:
+            if len(parts) == 1:
+                return outputs(parts[0])
+            with concurrent.futures.ThreadPoolExecutor(len(parts)) as pool:
+                outs = list(pool.map(outputs, parts))
         return jax.tree.map(lambda *a: jnp.concatenate(a), *outs)
 
 
