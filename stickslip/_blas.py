@@ -55,7 +55,7 @@ class _OneThread:
         if self._libraries is not None:
             self._limit.enter_context(self._libraries.limit(limits=1))
 
-    def set_after_compiling(self, event: str, *_: float, **__: str | int) -> None:
+    def set_after_compiling(self, event: str, duration_secs: float, **_: str | int) -> None:
         """Called by JAX between the compiling and the first run of a program."""
         with self._turn:
             if event == _COMPILED and self._libraries is None and self._thread == threading.get_ident():

@@ -16,6 +16,8 @@ from typing import Any
 
 import jax.monitoring
 
+from ._blas import one_thread
+
 WORDS = ("on", "off")
 # Events of JAX: each of them ends a part of compiling, the last one all of it.
 _NAMES = ("jaxpr_trace", "jaxpr_to_mlir_module", "backend_compile")
@@ -226,8 +228,11 @@ def _number(value: int | float) -> str:
 
 @contextlib.contextmanager
 def showing(name: str) -> Iterator[Progress]:
-    """`with showing("profile"):` or `@showing("profile")`: a meter without a total."""
-    with Progress(name) as meter:
+    """`with showing("profile"):` or `@showing("profile")`: a meter without a total.
+
+    NumPy's part of such a call has one thread of BLAS, as the programs that it runs.
+    """
+    with Progress(name) as meter, one_thread:
         yield meter
 
 

@@ -33,11 +33,9 @@ def partners(found: np.ndarray) -> list[tuple[int, int]]:
     Sum and product of two others are not real, and have a conjugate, so that they have no say in the
     sign of a product over all: but they vanish where one pair grows as fast as another one decays.
     """
-    number = range(found.size)
     real = np.imag(found) == 0.0
-    return [
-        (i, j) for i in number for j in range(i) if found[i] == found[j].conj() or real[i] & real[j]
-    ]
+    together = (found[:, None] == found.conj()) | (real[:, None] & real)
+    return [(int(i), int(j)) for i, j in np.argwhere(np.tril(together, -1))]
 
 
 def passing(one: np.ndarray, other: np.ndarray) -> Counter[str]:

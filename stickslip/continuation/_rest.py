@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import PyTree
+from scipy.sparse.csgraph import connected_components
 
 from .._jit_by_code import jit_by_code
 from ..analysis.observable import with_parameters
@@ -45,12 +46,11 @@ class Measure:
 
     def least(self, jacobian: np.ndarray, z: np.ndarray) -> np.ndarray:
         """Moves of the components that are rounding."""
-        linked = np.abs(self.balance(jacobian)) > 1e-14
-        near = (linked.T.astype(int) @ linked) > 0
-        np.fill_diagonal(near, True)
-        for _ in range(z.size.bit_length()):
-            near = (near.astype(int) @ near) > 0
-        known = np.max(np.where(near, (self.size / self.columns)[None, :], 0.0), axis=1)
+        linked = (np.abs(self.balance(jacobian)) > 1e-14).astype(float)
+        _, group = connected_components(linked.T @ linked, directed=False)
+        known = np.zeros(z.size)
+        np.maximum.at(known, group, self.size / self.columns)
+        known = known[group]
         return np.maximum(ENGINE.zero * self.columns * known, ENGINE.zero * np.abs(z))
 
 

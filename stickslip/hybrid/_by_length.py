@@ -7,6 +7,7 @@ if that ends before the border by so much that rounding does not change its slop
 the end moves by the slope there, to the error of the step.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
@@ -19,6 +20,8 @@ from ._loop_state import Plan
 from .accuracy import ACCURACY
 from .event_time import event_delay
 from .tree import shift
+
+Look = Callable[[Any, PyTree], tuple[Any, PyTree]]
 
 
 def length_before(plan: Plan, h: Any) -> Any:
@@ -47,24 +50,48 @@ def event_with_slopes(
     h = length_before(plan, stop_gradient(h))
     y1 = _end(plan, problem, start.mode, start.t, start.y, start.dy, h)
     slope = by_length(plan, problem, start, start.dy, h)
-    (system, args), t = problem, start.t + h
+    look = guard_and_slope(plan, problem, start.mode, guard)
+    t, moved, _ = moved_to_zero(look, start.t + h, y1, slope, usable)
 
-    def value(t, y):
-        values = system.guards(t, y, start.mode, args)
+    def with_slope(a, b):
+        return stop_gradient(a) + (b - stop_gradient(b))
+
+    return with_slope(dt, t - start.t), jax.tree.map(with_slope, y, moved)
+
+
+def guard_and_slope(plan: Plan, problem: PyTree, mode: Any, guard: Any) -> Look:
+    """One guard and the slope of the motion, of time and state."""
+    system, args = problem
+
+    def look(t, y):
+        values = system.guards(t, y, mode, args)
         found = values[0]
         for i in range(1, plan.functions.num_guards):
             found = jnp.where(guard == i, values[i], found)
-        return found
+        return found, system.vector_field(t, y, mode, args)
 
-    rate = jax.jvp(value, stop_gradient((t, y1)), (jnp.ones_like(t), slope))[1]
-    found = value(t, y1)
+    return look
+
+
+def moved_to_zero(
+    look: Look, t: Any, y: PyTree, slope: PyTree, usable: Any
+) -> tuple[Any, PyTree, PyTree]:
+    """Time, state and slope at a zero that is a little after the end of a step, with derivatives.
+
+    `look(t, y)`: the function that is zero there, and the slope of the motion. The end moves by `slope`
+    with the length of the step, so that its derivatives are those where the function has the value that
+    it has now. From there to the zero it is the motion that goes on, whose derivatives change by parts
+    of a million, times how fast they grow.
+    """
+    (found, _), (rate, _) = jax.jvp(look, (t, y), (jnp.ones_like(t), slope))
     # Right after an event a margin may have no value: its event is there.
-    delay = event_delay(found, stop_gradient(rate), usable & ~jnp.isnan(stop_gradient(found)))
-    delay = delay - stop_gradient(delay)
-    moved = shift(y1, slope, delay)
-    return stop_gradient(dt) + delay, jax.tree.map(
-        lambda a, b: stop_gradient(a) + (b - stop_gradient(b)), y, moved
-    )
+    usable = usable & ~jnp.isnan(stop_gradient(found))
+    delay = event_delay(found - stop_gradient(found), stop_gradient(rate), usable)
+    t, y = t + delay, shift(y, slope, delay)
+    dy = look(t, y)[1]
+    _, (rate, ddy) = jax.jvp(look, (t, y), (jnp.ones_like(t), dy))
+    rest = event_delay(stop_gradient(found), rate, usable)
+    return t + rest, shift(y, dy, rest), shift(dy, stop_gradient(ddy), rest)
 
 
 def _end(plan: Plan, problem: PyTree, mode: Any, t: Any, y: PyTree, dy: PyTree, h: Any) -> PyTree:

@@ -17,7 +17,7 @@ from jax.lax import stop_gradient
 from jaxtyping import PyTree
 
 from . import _locate
-from ._by_length import by_length, length_before
+from ._by_length import by_length, length_before, moved_to_zero
 from ._loop_state import Plan
 from ._record import Crossed, Starts
 from ._section import Section
@@ -58,9 +58,8 @@ def crossings_near(plan: Plan, problem: PyTree, section: Section, rows: Starts, 
         h = length_before(plan, length_of(row, near))
         dy0 = start(execute, row.t, row.y)
         y, dy, _ = plan.stepper.step(field, row.t, row.y, dy0, h, execute)
-        if plan.functions.roots:
-            dy = by_length(plan, problem, row, dy0, h)
-        return land_on_section(problem, section, row, h, y, dy)
+        slope = by_length(plan, problem, row, dy0, h) if plan.functions.roots else None
+        return land_on_section(problem, section, row, h, y, dy, slope)
 
     return jax.vmap(land)(rows, near)
 
@@ -100,15 +99,21 @@ def _of_each(function: Callable, rows: Starts, count: Any, like: PyTree) -> PyTr
     return jax.lax.while_loop(lambda carry: carry[0] < most, body, begun)[1]
 
 
-def land_on_section(problem, section: Section, row: Any, h, y, dy) -> Crossed:
+def land_on_section(
+    problem, section: Section, row: Any, h, y, dy, by_length: PyTree | None = None
+) -> Crossed:
     """From the end of the shortened step one Newton step onto the section with its exact rate.
 
-    `dy`: the slope at the end, or that by the length of the step where these differ.
+    `by_length`: the slope at the end by the length of the step, where it is not `dy`.
     """
-    t, slope = row.t + h, stop_gradient(dy)
-    (value, dy), (rate, ddy) = _along(problem, section, row.mode, t, y, slope)
+    t = row.t + h
     # A jump over the section is a step of length zero: its time is that of the event.
-    usable = (row.h > 0) & (stop_gradient(rate) != 0)
+    usable = row.h > 0
+    if by_length is not None:
+        look = section_and_slope(problem, section, row.mode)
+        return Crossed(*moved_to_zero(look, t, y, by_length, usable), row.mode)
+    slope = stop_gradient(dy)
+    (value, dy), (rate, ddy) = _along(problem, section, row.mode, t, y, slope)
     dt = event_delay(value, stop_gradient(rate), usable)
     return Crossed(t + dt, shift(y, slope, dt), shift(dy, stop_gradient(ddy), dt), row.mode)
 
@@ -119,15 +124,20 @@ def field_of(problem, mode):
     return lambda t, y: system.vector_field(t, y, mode, args)
 
 
-def _along(problem, section: Section, mode, t, y, dy):
-    """Value of the section, the slope of the state, and the rates of both along the motion."""
+def section_and_slope(problem, section: Section, mode):
+    """Value of a section and the slope of the state, of time and state."""
     system, args = problem
 
     def look(t, y):
         slope = system.vector_field(t, y, mode, args)
         return section.function(system, t, y, slope, mode, args), slope
 
-    return jax.jvp(look, (t, y), (jnp.ones_like(t), dy))
+    return look
+
+
+def _along(problem, section: Section, mode, t, y, dy):
+    """Value of the section, the slope of the state, and the rates of both along the motion."""
+    return jax.jvp(section_and_slope(problem, section, mode), (t, y), (jnp.ones_like(t), dy))
 
 
 def _search(plan: Plan, problem, section: Section, row: Starts) -> tuple[Any, PyTree, PyTree]:

@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
-from ._by_length import by_length, length_before
+from ._by_length import by_length, guard_and_slope, length_before, moved_to_zero
 from ._crossing import land_on_section, length_of
 from ._loop_state import EVENT, Lane, Outcome, Plan, is_event, moved_on
 from ._record import Logs
@@ -122,7 +122,7 @@ def pull(
         if not plan.functions.num_guards:
             return (y1_bar, dy1_bar), (jax.tree.map(jnp.zeros_like, varied), end_t_bar)
         at_end, jump_t, jump_y1 = _pull_jump(
-            plan, varied, row, h, y1, dy1 if slope is None else slope, jnp.where(event, end_t_bar, 0.0),
+            plan, varied, row, h, y1, dy1, slope, jnp.where(event, end_t_bar, 0.0),
             select(event, before_bar, zero), select(event, _add(y_bar, after_bar), zero), held=held,
         )  # fmt: skip
         end_t_bar = jnp.where(event, jump_t, end_t_bar)
@@ -158,7 +158,7 @@ def _pull_crossing(
 
     def end(y1, dy1):
         at_end, t_bar, y1_bar = _pull_landing(
-            plan, varied, row, h, y1, dy1 if slope is None else slope, bar, section=section, held=held
+            plan, varied, row, h, y1, dy1, slope, bar, section=section, held=held
         )
         return (y1_bar, jax.tree.map(jnp.zeros_like, dy1)), (at_end, t_bar)
 
@@ -175,19 +175,23 @@ def _pull_crossing(
 
 
 @piece
-def _pull_landing(plan: Plan, varied, row: Tape, h, y1, dy1, bar, *, section: Section, held):
+def _pull_landing(plan: Plan, varied, row: Tape, h, y1, dy1, slope, bar, *, section: Section, held):
     def land(varied, t, y1):
         problem = eqx.combine(varied, held)
-        found = land_on_section(problem, section, row._replace(t=t), h, y1, dy1)
+        found = land_on_section(problem, section, row._replace(t=t), h, y1, dy1, slope)
         return found.t, found.y, found.dy
 
     return jax.vjp(land, varied, row.t, y1)[1]((bar.t, bar.y, bar.dy))
 
 
 @piece
-def _pull_jump(plan: Plan, varied, row: Tape, h, y1, dy1, t_bar, before_bar, after_bar, *, held):
+def _pull_jump(plan: Plan, varied, row: Tape, h, y1, dy1, slope, t_bar, before_bar, after_bar, *, held):
     def end(varied, t, y1):
-        system, args = eqx.combine(varied, held)
+        system, args = problem = eqx.combine(varied, held)
+        if slope is not None:
+            look = guard_and_slope(plan, problem, row.mode, row.guard)
+            t, before, _ = moved_to_zero(look, t, y1, slope, row.code == EVENT)
+            return t, before, system.transition(t, before, row.mode, row.guard, args)[0]
         functions = plan.functions
         values = functions.evaluate(system, t, y1, dy1, row.mode, args)
         value, rate = values.value[0], values.rate[0]

@@ -15,6 +15,7 @@ from threadpoolctl import ThreadpoolController, threadpool_limits
 from stickslip._blas import one_thread
 from stickslip._compiled_once import compiled_once
 from stickslip._jit_by_code import jit_by_code
+from stickslip.progress import showing
 from stickslip.sweep import map_lanes
 
 assert scipy.linalg  # its library is loaded
@@ -45,6 +46,12 @@ def test_a_program_has_one_thread():
     assert compiled_once(threads_within, jnp.zeros(())) == 1
     assert threads() == 2
     assert jnp.all(map_lanes(threads_within, executor="portable")(jnp.zeros(5)) == 1)
+    assert threads() == 2
+
+
+def test_a_call_that_takes_long_has_one_thread():
+    with showing("here"):
+        assert threads() == 1
     assert threads() == 2
 
 

@@ -80,6 +80,40 @@ def right(a, p):
     return np.cos(END - last) * x + np.sin(END - last) * v
 
 
+def faint(depth, p):
+    return 1e-30 * power(depth, p)
+
+
+def rotation(t):
+    """Derivatives of x and v at a time by those at the start, without any force."""
+    return np.array([[np.cos(t), np.sin(t)], [-np.sin(t), np.cos(t)]])
+
+
+@pytest.mark.parametrize(
+    "derivatives", [jax.jacfwd, pytest.param(jax.jacrev, marks=pytest.mark.more)], ids=["fwd", "rev"]
+)
+def test_slopes_at_a_border_are_those_at_it(derivatives):
+    """Closed, as the force is nearly none: steps end a millionth before the border, slopes do not."""
+    system = Root(jnp.asarray(0.2), force=faint)
+
+    def ends(start):
+        y0 = Motion(x=start[0], v=start[1])
+        run = ss.simulate(system, 0.0, 12.0, y0, integrator=within(1e-11), saveat=OUT)
+        (out,) = run.crossings
+        return jnp.stack([run.y1.x, run.y1.v]), out.t[:2], jnp.stack([out.y.x[:2], out.y.v[:2]])
+
+    start = jnp.array([0.3, 1.1])
+    (_, times, _), (end, time, out) = ends(start), derivatives(ends)(start)
+    np.testing.assert_allclose(end, rotation(12.0), atol=1e-10)
+    for i, t in enumerate(np.asarray(times)):
+        at = rotation(t)
+        x, v = at @ np.asarray(start)
+        assert x == pytest.approx(0.2, abs=1e-9)
+        np.testing.assert_allclose(time[i], -at[0] / v, atol=1e-9)
+        np.testing.assert_allclose(out[0, i], 0.0, atol=1e-9)
+        np.testing.assert_allclose(out[1, i], at[1] - x * time[i], atol=1e-9)
+
+
 @pytest.mark.parametrize(
     ("p", "tol", "off"), [(0.5, 1e-6, 4e-4), pytest.param(0.7, 1e-8, 3e-5, marks=pytest.mark.more)]
 )
