@@ -22,6 +22,7 @@ from ._closing import (
     equations,
     extent,
     plane_across,
+    samples_of,
     states_and_period,
     unknowns,
 )
@@ -145,10 +146,9 @@ def _anchor_at(
     )
     integrator = spanning(motion.integrator, frame.period)
     with use_executor(problem.executor):
-        found = extent(
-            motion._replace(integrator=integrator), y, mode, frame.t0, frame.period, problem.segments,
-            frame.free, gained,
-        )  # fmt: skip
+        motion = motion._replace(integrator=integrator)
+        run = samples_of(motion, y, mode, frame.t0, frame.period, problem.segments)
+        found = extent(motion, run, frame.t0, frame.period, problem.segments, frame.free, gained)
     change = jnp.maximum(jnp.abs(found.moves - reached), 1e-300)
     size = jnp.maximum(jnp.maximum(size, found.moves), jnp.minimum(size * shift / change, found.least))
     slope = ravel_pytree(motion.system.vector_field(frame.t0, y, mode, motion.args))[0]

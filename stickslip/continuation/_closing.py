@@ -230,8 +230,34 @@ class Extent(NamedTuple):
     modes: Array
 
 
+class Sampled(NamedTuple):
+    """A motion from a state for some time: see `samples_of`."""
+
+    y0: PyTree
+    mode0: Any
+    y1: PyTree
+    mode1: Any
+    ts: Float[Array, " sample"]
+    y: Float[Array, "sample size"]
+    mode: Array
+
+
+def samples_of(motion: Motion, y: PyTree, mode: Any, t0: Any, span: Any, segments: int) -> Sampled:
+    """The motion of a time from a state, with the states at the knots and between them."""
+    # Knots first, so that none is missed by rounding.
+    parts = segments * -(-ACCURACY.samples // segments)
+    ts = t0 + span * jnp.arange(parts, dtype=jnp.float64) / parts
+    run = simulate(
+        motion.system, t0, t0 + span, y, mode, motion.args, integrator=motion.integrator,
+        saveat=SaveAt(ts=ts, max_events=None), throw=False,
+    )  # fmt: skip
+    assert run.outputs is not None
+    flat = jax.vmap(lambda state: ravel_pytree(state)[0])(run.outputs.y)
+    return Sampled(y, mode, run.y1, run.mode1, ts, flat, run.outputs.mode)
+
+
 def extent(
-    motion: Motion, y: PyTree, mode: Any, t0: Any, period: Any, segments: int, free: bool,
+    motion: Motion, run: Sampled, t0: Any, period: Any, segments: int, free: bool,
     gained: Float[Array, " size"],
 ) -> Extent:  # fmt: skip
     """How far each component moves along one period, and the states and modes at the knots.
@@ -240,18 +266,9 @@ def extent(
     move, its value; where this is 0, the largest of the others with its unit, or 1. `least`: the least
     absolute value, 0 where the component passes through zero. `turns`: how often each angle goes round:
     whole ones nearest to what it has `gained` in the period, or, where this is NaN, to what it gains in
-    the simulation. `shifts`: columns that change nothing, in parts of `moves`.
+    the simulation `run`. `shifts`: columns that change nothing, in parts of `moves`.
     """
-    # Knots first, so that none is missed by rounding.
-    parts = segments * -(-ACCURACY.samples // segments)
-    ts = t0 + period * jnp.arange(parts, dtype=jnp.float64) / parts
-    solution = simulate(
-        motion.system, t0, t0 + period, y, mode, motion.args, integrator=motion.integrator,
-        saveat=SaveAt(ts=ts, max_events=None), throw=False,
-    )  # fmt: skip
-    outputs = solution.outputs
-    assert outputs is not None
-    flat = jax.vmap(lambda state: ravel_pytree(state)[0])(outputs.y)
+    y, mode, ts, flat = run.y0, run.mode0, run.ts, run.y
     finite = jnp.isfinite(flat)
     high = jnp.max(jnp.where(finite, flat, -jnp.inf), axis=0)
     low = jnp.min(jnp.where(finite, flat, jnp.inf), axis=0)
@@ -260,14 +277,14 @@ def extent(
     goes = span > ACCURACY.short * largest
     rests = jnp.where(largest > 0, largest, _alike(motion.system, y, jnp.where(goes, span, 0.0)))
     moves = jnp.where(goes, span, rests)
-    each = parts // segments
-    knots, found = flat[::each], outputs.mode[::each]
+    each = ts.shape[0] // segments
+    knots, found = flat[::each], run.mode[::each]
     first, unravel = ravel_pytree(y)
     knots = jnp.where(jnp.all(jnp.isfinite(knots)), knots, first[None, :])
     modes = jnp.where(found < 0, mode, found).astype(jnp.asarray(mode).dtype)
-    end, turn = ravel_pytree(solution.y1)[0], turns_of(motion.system, y)
+    end, turn = ravel_pytree(run.y1)[0], turns_of(motion.system, y)
     gained = jnp.where(jnp.isnan(gained), end - first, gained)
-    shifts = neutral_shifts(motion.system, motion.args, ts, flat, outputs.mode, unravel, moves)
+    shifts = neutral_shifts(motion.system, motion.args, ts, flat, run.mode, unravel, moves)
     if free:
         path = jnp.concatenate([flat, end[None]]) / moves[None, :]
         goes = jnp.round(gained / turn) != 0.0

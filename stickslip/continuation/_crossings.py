@@ -82,15 +82,18 @@ def several_at_once(
     family: AbstractFamily, growing: Callable[[Any], np.ndarray], leg: Leg, found: list[Event],
     kind: str, labels: tuple[str, ...], size: Callable[[Any, str], np.ndarray],
 ) -> list[Event]:  # fmt: skip
-    """The events of a leg with the point at which several eigenvalues of a kind pass, if they do.
+    """The events of a leg with the point at which several eigenvalues of a kind pass, if they do, or a
+    pair beside others that stay on the border as without damping, and hide it.
 
     `labels`: of such a point, and of others that may be found there in its place. `size(point, kind)`:
     of all eigenvalues of the kind, the largest first; positive where they grow.
     """
     before, after = growing(leg.before), growing(leg.after)
-    if passing(before, after)[kind] < 2 or any(event.label in labels for event in found):
+    count = passing(before, after)[kind]
+    first, last = sorted(of_kind(ends, kind).size for ends in (before, after))
+    hidden = kind == PAIR and count == 1 and last == first + 1
+    if not (count > 1 or hidden) or any(event.label in labels for event in found):
         return found
-    first = min(of_kind(ends, kind).size for ends in (before, after))
 
     def value(point: Any) -> float:
         sizes = size(point, kind)
@@ -98,7 +101,7 @@ def several_at_once(
         return float(sizes[first]) if sizes.size > first else -ENGINE.slack
 
     found = [event for event in found if event.label != f"{labels[0]}?"]
-    words = "several eigenvalues at once"
+    words = "a pair beside others" if hidden else "several eigenvalues at once"
     begin, end = leg.before, leg.after
     if leg.backward:  # the later point was found first
         begin, end = end.backward(), begin.backward()

@@ -17,10 +17,8 @@ from ..analysis.observable import as_observable, named_observables, shape_of, wh
 from ..hybrid import (
     AbstractHybridSystem,
     AbstractSmoothSystem,
-    SaveAt,
     current_executor,
     jit_plainly,
-    simulate,
     use_executor,
 )
 from ..hybrid.accuracy import ACCURACY as ENGINE
@@ -30,7 +28,7 @@ from ..hybrid.longest_step import spanning
 from ..hybrid.tree import frozen, with_float_arrays
 from ._accuracy import ACCURACY
 from ._beginning import beside_breaks
-from ._closing import Motion, closure, residual_at_place
+from ._closing import Frame, Motion, closure, residual_at_place, samples_of
 from ._floquet import multipliers_of
 from ._forcing import FORCING, Forcing, check_forcing
 from ._measured import measure
@@ -238,18 +236,15 @@ def _response(
     with use_executor(execute):
         still, given, start, cycle = frozen((system, args, y0, period))
         t0, start, mode0 = beside_breaks(still, given, spanning(integrator, cycle), t0, start, mode0)
-        motion, unravel = Motion(still, given, integrator), ravel_pytree(start)[1]
+        motion, unravel = Motion(still, given, spanning(integrator, cycle)), ravel_pytree(start)[1]
         start = jax.lax.cond(
             periods < 0, lambda: start, lambda: _in_one_mode(motion, start, mode0, t0, cycle)
         )
         start, frame, found = _solution_after_transient(motion, start, mode0, t0, cycle, periods)
-        motion, flat = motion._replace(integrator=spanning(integrator, cycle)), ravel_pytree(start)[0]
-        carried = found.carried
+        flat, carried = ravel_pytree(start)[0], found.carried
         # One more step of Newton's method, with the derivative of the solution.
-        moving = motion._replace(system=system, args=args)
-        frame = frame._replace(period=period)
-        away = closure(found.u, carried.modes, moving, frame, unravel)
-        away = residual_at_place(away, found.u, frame, jax.lax.stop_gradient(carried.neutral))
+        moving, frame = motion._replace(system=system, args=args), frame._replace(period=period)
+        away = _residual((system, args, period), found=found, motion=motion, frame=frame, start=start)
         known = jnp.isfinite(found.norm) & jnp.all(jnp.isfinite(found.jacobian))
         # Nothing can be solved, nor need be, where friction holds everything wherever it is.
         rank = jnp.linalg.matrix_rank(jnp.where(known, found.jacobian, 0.0), ENGINE.slack)
@@ -304,12 +299,33 @@ def _response(
 response_program = jit_plainly(_response)
 
 
+@eqx.filter_custom_jvp
+def _residual(moving: Any, *, found: Newton, motion: Motion, frame: Frame, start: PyTree) -> Array:
+    """The residual of a solution, which is known: only its derivative by what moves is a run."""
+    return found.carried.residual
+
+
+@_residual.def_jvp
+def _residual_jvp(primals, tangents, *, found, motion, frame, start):
+    def residual(moving):
+        system, args, period = moving
+        there, carried = frame._replace(period=period), found.carried
+        away = closure(
+            found.u, carried.modes, motion._replace(system=system, args=args), there,
+            ravel_pytree(start)[1],
+        )  # fmt: skip
+        return residual_at_place(away, found.u, there, carried.neutral)
+
+    return found.carried.residual, eqx.filter_jvp(residual, primals, tangents)[1]
+
+
 def _in_one_mode(motion: Motion, y0: PyTree, mode0: Any, t0: Any, period: Any) -> PyTree:
     """A state of the periodic motion in the mode of the start; the start where there is none."""
     flat, unravel = ravel_pytree(y0)
     alone = motion._replace(system=InOneMode(motion.system, mode0))
+    run = samples_of(alone, y0, jnp.zeros((), jnp.int32), t0, period, 1)
     _, frame, found, _ = solve_orbit(
-        alone, y0, jnp.zeros((), jnp.int32), t0, period, jnp.full(flat.shape, jnp.nan), ENGINE.solved,
+        alone, run, t0, period, jnp.full(flat.shape, jnp.nan), ENGINE.solved,
         forced=True, segments=1, max_steps=ACCURACY.few, shifts=False,
     )  # fmt: skip
     still = jnp.abs(found.u - flat / frame.size) <= ACCURACY.short
@@ -331,23 +347,27 @@ def _solution_after_transient(
     `periods` times 1, 4, 16, 64. Negative ones: the start is near the motion, and tried as it is.
     """
 
-    def after(y0, mode0):
-        run = simulate(
-            motion.system, t0, t0 + periods * period, y0, mode0, motion.args,
-            integrator=spanning(motion.integrator, period), saveat=SaveAt(max_events=None), throw=False,
-        )  # fmt: skip
-        return run.y1, run.mode1
-
     def attempt(number, y0, mode0):
-        # Begun again and again at the same phase: a run has only so many steps.
+        # Begun again and again at the same phase: a run has only so many steps. The last is one period.
         runs = jnp.where(periods < 0, 0, ACCURACY.few**number)
-        y0, mode0 = jax.lax.fori_loop(0, runs, lambda _, state: after(*state), (y0, mode0))
-        size = ravel_pytree(y0)[0].shape
+
+        def along(y, mode, span):
+            return samples_of(motion, y, mode, t0, span, 1)
+
+        along = eqx.filter_closure_convert(along, y0, mode0, period)
+        shapes = eqx.filter_eval_shape(along, y0, mode0, period)
+        begun = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), shapes)
+
+        def after(k, run):
+            return along(run.y1, run.mode1, jnp.where(k < runs, periods, 1.0) * period)
+
+        begun = begun._replace(y1=y0, mode1=mode0)
+        run = jax.lax.fori_loop(0, runs + 1, after, begun)
         _, frame, found, _ = solve_orbit(
-            motion, y0, mode0, t0, period, jnp.full(size, jnp.nan), ENGINE.solved,
+            motion, run, t0, period, jnp.full(run.y.shape[1:], jnp.nan), ENGINE.solved,
             forced=True, segments=1, max_steps=ACCURACY.tries,
         )  # fmt: skip
-        return y0, mode0, frame._replace(free=(), turn=()), found
+        return run.y0, run.mode0, frame._replace(free=(), turn=()), found
 
     def goes_on(state):
         number, _, mode0, _, found = state

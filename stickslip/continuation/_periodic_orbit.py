@@ -33,12 +33,14 @@ from ._closing import (
     Extent,
     Frame,
     Motion,
+    Sampled,
     check_autonomous,
     closure,
     equations,
     extent,
     in_units,
     plane_across,
+    samples_of,
     states_and_period,
     unknowns,
 )
@@ -132,9 +134,10 @@ def _orbit(
         t0, y0, mode0 = beside_breaks(system, args, spanning(integrator, period), t0, y0, mode0)
         # No orbit closes to less than the rounding of the time, a part of the period.
         tolerance = jnp.maximum(tolerance, ENGINE.some_roundings * jnp.abs(t0) / period)
+        motion = Motion(system, args, spanning(integrator, period))
         solved = solve_orbit(
-            Motion(system, args, integrator), y0, mode0, t0, period, gained, tolerance, forced=forced,
-            segments=segments, max_steps=max_steps,
+            motion, samples_of(motion, y0, mode0, t0, period, segments), t0, period, gained, tolerance,
+            forced=forced, segments=segments, max_steps=max_steps,
         )  # fmt: skip
         motion, frame, found, modes = solved
         rests = settles(motion, frame, found, unravel, modes[0]) if frame.free else False
@@ -153,17 +156,16 @@ class Solved(NamedTuple):
 
 
 def solve_orbit(
-    motion: Motion, y0, mode0, t0, period, gained, tolerance, *, forced, segments, max_steps,
+    motion: Motion, run: Sampled, t0, period, gained, tolerance, *, forced, segments, max_steps,
     shifts=True,
 ) -> Solved:  # fmt: skip
-    """Newton's method from a guess to the equations of its orbit.
+    """Newton's method to the equations of an orbit, from a simulation of one period.
 
     `shifts`: whether those of the state that change nothing keep the place of the guess; otherwise what
     the motion conserves does.
     """
-    motion = motion._replace(integrator=spanning(motion.integrator, period))
-    _, unravel = ravel_pytree(y0)
-    reach = extent(motion, y0, mode0, t0, period, segments, not forced, gained)
+    y0, mode0, unravel = run.y0, run.mode0, ravel_pytree(run.y0)[1]
+    reach = extent(motion, run, t0, period, segments, not forced, gained)
     reach = reach if shifts else reach._replace(shifts=jnp.zeros_like(reach.shifts))
     frame = _frame(motion, y0, mode0, t0, period, reach, forced)
 

@@ -2,6 +2,7 @@
 
 from typing import ClassVar
 
+import jax
 from jax import lax
 from jaxtyping import Array, Float
 
@@ -76,7 +77,8 @@ class SmoothHyperbolicWeakening(AbstractDryFrictionLaw):
         e2 = e * e
         one = 1.0 + e2
         numerator = (side * mu_0) * (1.0 - e2) * (one + 2.0 * beta * e)
-        return numerator / (weakening_factor(sense * v, gamma) * one * one)
+        with jax.named_scope(fast.SMOOTH):  # the denominator has a bound
+            return numerator / (weakening_factor(sense * v, gamma) * one * one)
 
     def static_coefficient(self, sense: Number = 1) -> Float[Array, "..."]:
         sech = 2.0 * self.beta / (1.0 + lax.sqrt(1.0 + 8.0 * self.beta * self.beta))

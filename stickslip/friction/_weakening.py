@@ -64,7 +64,8 @@ class HyperbolicWeakening(AbstractDryFrictionLaw):
 
     def kinetic(self, v: Number, sense: Number) -> Float[Array, "..."]:
         v, sense, mu_k, gamma = in_dtype_of(v, sense, self.mu_k, self.gamma)
-        return sense * mu_k / weakening_factor(sense * v, gamma)
+        with jax.named_scope(SMOOTH):  # the denominator has a bound
+            return sense * mu_k / weakening_factor(sense * v, gamma)
 
     def static_coefficient(self, sense: Number = 1) -> Float[Array, "..."]:
         return where(self.mu_k > self.mu_s, self.mu_k, self.mu_s)

@@ -191,9 +191,7 @@ def _of_events(plan: Plan, code, lane: Lane, h, t, mode, first: First) -> dict[s
     # The slope of a crossing that is only just one is not known: it is the root of its depth.
     bend = jnp.abs(first.rate - first.rate_start)
     shallow = (lane.h > 0) & (first.rate**2 * lane.h < 2.0 * bend * plan.touching)
-    # A step may end on a guard that is below zero by rounding only, as at a time asked for: its zero
-    # lies before the next step, and its bracket collapses, however steep it is.
-    grazes = jnp.where(code == COLLAPSED, ~_falls_clearly(plan, lane, first), (code == EVENT) & shallow)
+    grazes = (code == COLLAPSED) | ((code == EVENT) & shallow)
     marks, coincides, violated = first.marks, first.close > 1, code == VIOLATED
     mine = of_guard(first.index)
     if plan.functions.num_bends:
@@ -224,15 +222,6 @@ def _of_events(plan: Plan, code, lane: Lane, h, t, mode, first: First) -> dict[s
         symbol = symbol + (mode >> 31).astype(jnp.uint32) * jnp.uint32(2654435761)
     sequence = jnp.where(fires, lane.sequence * jnp.uint32(1000003) + symbol, lane.sequence)
     return kept | dict(zero_events=zero_events, flags=flags, sequence=sequence)
-
-
-def _falls_clearly(plan: Plan, lane: Lane, first: First):
-    """Whether the guard falls at one slope over the whole of a short step, does not jump, and falls
-    over the step that was asked by more than the tolerance of the state can decide."""
-    steady = (first.rate < 0) & (jnp.abs(first.rate - first.rate_start) < -0.5 * first.rate)
-    off = jnp.abs(first.value - first.value_start - first.rate * lane.h)
-    steep = -first.rate * lane.full > plan.touching
-    return steady & steep & (off < ACCURACY.slack - 0.5 * first.rate * lane.h)
 
 
 def _is_undecided(plan: Plan, lane: Lane, first: First):

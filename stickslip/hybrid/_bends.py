@@ -23,6 +23,7 @@ from .accuracy import ACCURACY
 
 _OWN = re.compile(f"/jax/_src/|^{re.escape(pathlib.Path(__file__).parents[1].as_posix())}/")
 _CALLS = ("jit", "pjit", "closed_call", "core_call", "remat", "remat2", "checkpoint")
+_ROOTS = {"sqrt", "pow", "asin", "acos", "acosh"}  # at the ends of where they have a value
 _ROUNDED = {"floor", "ceil", "round", "rem"}
 _SORTED = {"sort", "argmax", "argmin", "cummax", "cummin", "reduce_window_max", "reduce_window_min"}
 # Said as "the first is above the second": whether the two change places, whether it is denied.
@@ -206,7 +207,7 @@ def _equation(eqn: Any, given: list[_Known], outcomes: Outcomes, smooth: bool) -
     if not smooth:
         body = eqn.params.get({"scan": "jaxpr", "while": "body_jaxpr"}.get(name, ""))
         outcomes.left |= (name in _SORTED and real) or (body is not None and compares(body.jaxpr))
-    outcomes.roots |= name in ("sqrt", "cbrt", "pow")
+    outcomes.roots |= name in _ROOTS
     chosen, place = any(k.chosen for k in given), steep_operand(eqn)
     found = bound(eqn, [k.value for k in given])
     if place is not None and given[place].chosen:
@@ -268,6 +269,22 @@ def _sign(eqn: Any, given: list[_Known], outcomes: Outcomes) -> Any:
     return up.astype(x.dtype) - down.astype(x.dtype)
 
 
+def _cube_root(eqn: Any, given: list[_Known], outcomes: Outcomes) -> Any:
+    outcomes.above(given[0].value, 0.0)
+    outcomes.roots = outcomes.steep = True
+    return gently(eqn, [given[0].value], 0)[0]
+
+
+def _angle(eqn: Any, given: list[_Known], outcomes: Outcomes) -> Any:
+    """`atan2`, which jumps by a turn where `y` is zero behind the origin; beyond, it goes on."""
+    y, x = (k.value for k in given)
+    half = jnp.where(outcomes.above(y, 0.0), jnp.pi, -jnp.pi)
+    behind = x < 0.0
+    # Taken the other way round no cut is near.
+    way = jnp.where(behind, -1.0, 1.0)
+    return jnp.arctan2(way * y, way * x) + jnp.where(behind, half, 0.0)
+
+
 def _largest(eqn: Any, given: list[_Known], outcomes: Outcomes) -> Any:
     pick = jax.lax.max if eqn.primitive.name == "reduce_max" else jax.lax.min
     axes = eqn.params["axes"]
@@ -286,7 +303,7 @@ def _of_two(eqn: Any, given: list[_Known], outcomes: Outcomes) -> Any:
 
 _RULES: dict[str, Any] = {
     "max": _of_two, "min": _of_two, "clamp": _clamp, "abs": _magnitude, "sign": _sign,
-    "reduce_max": _largest, "reduce_min": _largest,
+    "reduce_max": _largest, "reduce_min": _largest, "cbrt": _cube_root, "atan2": _angle,
 }  # fmt: skip
 
 

@@ -55,8 +55,8 @@ def crossings_near(plan: Plan, problem: PyTree, section: Section, rows: Starts, 
         def start(execute, t, y):
             return field(t, y)
 
-        h = length_before(plan, length_of(row, near))
-        dy0 = start(execute, row.t, row.y)
+        dy0, look = start(execute, row.t, row.y), section_and_slope(problem, section, row.mode)
+        h = length_before(plan, look, row.t, row.y, dy0, length_of(row, near))
         y, dy, _ = plan.stepper.step(field, row.t, row.y, dy0, h, execute)
         slope = by_length(plan, problem, row, dy0, h) if plan.functions.roots else None
         return land_on_section(problem, section, row, h, y, dy, slope)

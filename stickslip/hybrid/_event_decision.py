@@ -296,13 +296,31 @@ def _what_fires(plan: Plan, lane: Lane, h: Any, first: First, fresh: Any, code: 
     # An attempt inside a bracket is never accepted for being on the near side of the zero: it goes on
     # until it is near enough for the Newton correction, or the bracket has no width left.
     code = jnp.where(shrink, SHRINK, code)
-    code = jnp.where(shrink & collapsed & ~free, jnp.where(guards, COLLAPSED, SECTION), code)
+    # A step may end on a guard that is below zero by rounding only, as at a time asked for: its zero
+    # lies before the next step, and its bracket collapses, however steep it is. So it does in a step so
+    # short that the rounding of the guard is longer than that of the time.
+    landed = jnp.where(_falls_clearly(plan, lane, first), EVENT, COLLAPSED)
+    code = jnp.where(shrink & collapsed & ~free, jnp.where(guards, landed, SECTION), code)
     code = jnp.where(shrink & near, jnp.where(guards, EVENT, SECTION), code)
     code = jnp.where(fresh & arrives, EVENT, code)
     # A dip of one function may lie before the crossing of another: it is looked at first. And the zero
     # that was located may be the last of several.
     code = jnp.where(fresh & (first.h_dip < ACCURACY.far) & (free | near), DIP, code)
     return jnp.where(~fresh & hit & guards & ~arrives, VIOLATED, code)
+
+
+def _falls_clearly(plan: Plan, lane: Lane, first: First):
+    """Whether the guard falls at one slope over the whole of a short step, does not jump, and falls
+    over the step that was asked by more than the tolerance of the state can decide.
+
+    Steps up to a bend of a force may be shorter than that, and say nothing on it.
+    """
+    steady = (first.rate < 0) & (jnp.abs(first.rate - first.rate_start) < -0.5 * first.rate)
+    off = jnp.abs(first.value - first.value_start - first.rate * lane.h)
+    steep = -first.rate * lane.full > plan.touching
+    if plan.functions.num_bends:
+        steep = steep | plan.functions.is_bend(first.index)
+    return steady & steep & (off < ACCURACY.slack - 0.5 * first.rate * lane.h)
 
 
 def search_bracket(plan: Plan, lane: Lane, code: Any, h: Any, first: First) -> tuple[Bracket, Any, Any]:

@@ -12,8 +12,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
-from ._by_length import by_length, guard_and_slope, length_before, moved_to_zero
-from ._crossing import land_on_section, length_of
+from ._by_length import by_length, guard_and_slope, leaving_time, length_before, moved_to_zero
+from ._crossing import land_on_section, length_of, section_and_slope
 from ._loop_state import EVENT, Lane, Outcome, Plan, is_event, moved_on
 from ._record import Logs
 from ._section import Section
@@ -35,6 +35,7 @@ class Tape(NamedTuple):
     dy: PyTree
     mode: Any
     h: Any
+    after: Any  # `leaving_time`
     event_number: Any
     crossing_numbers: tuple
     fired: tuple
@@ -60,6 +61,7 @@ def tape_row(plan: Plan, logs: Logs, before: Lane, outcome: Outcome) -> Tape:
         dy=before.dy,
         mode=before.mode if guards else None,
         h=before.h,
+        after=leaving_time(plan, before) if plan.functions.roots else None,
         event_number=None if logs.events is None else before.events,
         crossing_numbers=tuple(number for number, _ in crossed),
         fired=tuple(fired for _, fired in crossed),
@@ -106,13 +108,17 @@ def pull(
 
     def field(varied, t, y):
         system, args = eqx.combine(varied, held)
+        if row.after is not None:
+            t, y = t + row.after, shift(y, jax.lax.stop_gradient(row.dy), row.after)
         return system.vector_field(t, y, row.mode, args)
 
     zero = jax.tree.map(jnp.zeros_like, y_bar)
     h, slope = row.h, None
     if plan.functions.roots:
-        h = jnp.where(event, length_before(plan, h), h)
-        slope = by_length(plan, eqx.combine(varied, held), row, row.dy, h)
+        problem = eqx.combine(varied, held)
+        look = guard_and_slope(plan, problem, row.mode, row.guard)
+        h = jnp.where(event, length_before(plan, look, row.t, row.y, row.dy, h), h)
+        slope = by_length(plan, problem, row, row.dy, h)
 
     def end(y1, dy1):
         """Cotangents of the end of the Runge-Kutta step, and those of parameters and time there."""
@@ -152,9 +158,12 @@ def _pull_crossing(
     """Cotangents before an attempt from those of the crossing inside it, zero where there is none."""
     bar = _row_bar(log, number, fired == 1)
     h = length_of(row, near[jnp.minimum(number, near.shape[0] - 1).astype(jnp.int32)])
-    h, slope = length_before(plan, h), None
+    slope = None
     if plan.functions.roots:
-        slope = by_length(plan, eqx.combine(varied, held), row, row.dy, h)
+        problem = eqx.combine(varied, held)
+        look = section_and_slope(problem, section, row.mode)
+        h = length_before(plan, look, row.t, row.y, row.dy, h)
+        slope = by_length(plan, problem, row, row.dy, h)
 
     def end(y1, dy1):
         at_end, t_bar, y1_bar = _pull_landing(

@@ -46,7 +46,7 @@ from .arguments import (
     the_system,
 )
 from .compile_options import jit_plainly
-from .dependence import may_jump
+from .dependence import may_change_suddenly, may_jump
 from .event_functions import event_functions
 from .executor import current_executor
 from .longest_step import step_bound
@@ -238,6 +238,7 @@ def _run(system, args, t0, t1, y0, mode0, ts, integrator, saveat, execute) -> tu
     # Located jumps surprise nobody; in a field with sides only jumps in time are left.
     of_time = (t0, y0) if bent is None or bent.jumps else (t0,)
     jumps = may_jump(lambda t, y=y0: system.vector_field(t, y, mode0, args), of_time)
+    jumps |= may_change_suddenly(lambda t, y: system.vector_field(t, y, mode0, args), (t0, y0))
     if bent is not None:
         mode0 = bent.with_sides(t0, y0, mode0, args)
         system, problem, sections = bent, (bent, args), tuple(map(of_sided, sections))

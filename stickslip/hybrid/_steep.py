@@ -15,7 +15,7 @@ from .accuracy import ACCURACY
 # Which operand of what may have no slope somewhere.
 _OPERANDS = {
     "sqrt": 0, "rsqrt": 0, "cbrt": 0, "pow": 0, "integer_pow": 0, "log": 0, "log1p": 0, "div": 1,
-    "asin": 0, "acos": 0, "atanh": 0,
+    "asin": 0, "acos": 0, "acosh": 0, "atanh": 0,
 }  # fmt: skip
 
 

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
+from ._by_length import leaving_time
 from ._doubt import judge, look_inside, told
 from ._loop_state import Lane, Plan, without_state
 from ._tolerance import Ends, cancelling, error_norm, largest_magnitude, largest_surprise, scales, sizes
@@ -40,7 +41,11 @@ def take(plan: Plan, problem: PyTree, lane: Lane) -> tuple[Lane, Step]:
     if plan.follows_size:
         lane = lane._replace(size=_follow_size(plan, lane.size, lane.y))
 
+    after = leaving_time(plan, without_state(lane)) if plan.functions.roots else None
+
     def field(t, y):
+        if after is not None:
+            t, y = t + after, shift(y, jax.lax.stop_gradient(lane.dy), after)
         return system.vector_field(t, y, lane.mode, args)
 
     looks = any(plan.looked_at_inside)
@@ -55,9 +60,9 @@ def take(plan: Plan, problem: PyTree, lane: Lane) -> tuple[Lane, Step]:
     error = lane.error
     if plan.step_size.adaptive:
         ends = Ends(h, lane.y, y1, lane.dy, dy1)
-        error, surprised = _scaled_error(plan, errors, surprise, plan.noise, lane.size, ends)
+        error, surprised, change = _scaled_error(plan, errors, surprise, plan.noise, lane.size, ends)
         if plan.watches_jumps:
-            peak, flags = _sudden_shortening(plan, without_state(lane), error)
+            peak, flags = _sudden_change(plan, without_state(lane), error, change)
             lane = lane._replace(peak=peak, flags=flags)
         if surprised is not None:
             error = jnp.maximum(error, surprised)
@@ -120,10 +125,13 @@ def _follow_size(plan: Plan, size, y):
 def _scaled_error(plan: Plan, errors, surprise, noise, size, ends: Ends):
     rule: Any = plan.step_size  # an adaptive one: others estimate no error
     scale = scales(rule.rtol, plan.atols, plan.kinds, noise, size, ends)
-    unseen = None
+    unseen, change = None, None
     if surprise is not None:
         unseen = largest_surprise(surprise, scale, ends, rule.rtol)
-    return error_norm(errors, scale), unseen
+    if plan.watches_jumps:
+        changes = jax.tree.map(lambda a, b: ends.h * (b - a), ends.dy0, ends.dy1)
+        change = error_norm((changes,), scale)
+    return error_norm(errors, scale), unseen, change
 
 
 @bookkeeping
@@ -132,15 +140,21 @@ def _excess_of_step(plan: Plan, h, ends: Ends):
 
 
 @bookkeeping
-def _sudden_shortening(plan: Plan, lane: Lane, error):
-    """Longest of the last steps, and the flag of one that had to become short all at once.
+def _sudden_change(plan: Plan, lane: Lane, error, change):
+    """Longest of the last steps, and the flag of one in which the field jumps.
 
     A field that jumps inside a step has an error in proportion to the length, whatever the order of
-    the method: attempts collapse onto the jump until it no longer matters. The motion is right, but
-    its derivative by the time of the jump is lost.
+    the method, as large as what the jump makes of the step: attempts collapse onto it until it no
+    longer matters. The motion is right, but its derivative by the time of the jump is lost. Of a field
+    that is steep and resolved the error is a small part of its `change`, of a bend the change is small.
     """
+    rule: Any = plan.step_size
     fits = (lane.status == RUNNING) & (lane.h > 0) & (lane.bracket.tries == 0) & (error <= 1.0)
-    jumps = fits & (lane.h < ACCURACY.jump * lane.peak) & (error > 1e-3)
+    short = fits & (lane.h < 0.05 * lane.peak) & (error > 1e-3) & (change < 1e3)
+    jumps = short & (rule.rtol * change * lane.peak > 1e-4 * lane.h)
+    if plan.functions.roots:  # steps to and from where a field is known to be steep are short
+        for i in range(plan.functions.num_guards - plan.functions.num_bends, plan.functions.num_guards):
+            jumps = jumps & (jnp.abs(lane.values[i]) > 100.0 * lane.h * jnp.abs(lane.rates[i]))
     peak = jnp.where(fits, jnp.maximum(lane.h, ACCURACY.forgets * lane.peak), lane.peak)
     return peak, flags_with(lane.flags, flag(jumps, DISCONTINUOUS), lane.t + lane.h)
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import jax
 
+from .._fastmath import SMOOTH
 from .._jaxpr import PROGRAMS, called_program, walk
 
 NONE, AFFINE, OTHER = range(3)  # degree of a result in the operands asked about
@@ -22,6 +23,11 @@ _LINEAR = {
 _BILINEAR = {"mul", "dot_general"}
 _INDEXED = {"gather", "dynamic_slice"}  # linear in the first operand if the others are constant
 _STEPS = {"sign", "floor", "ceil", "round", "rem"}
+# Functions that have a pole, a cut or the end of where they have a value, or level off.
+_SUDDEN = {
+    "acos", "acosh", "asin", "atan", "atan2", "atanh", "cbrt", "erf", "exp", "log", "log1p", "logistic",
+    "pow", "rsqrt", "sqrt", "tan", "tanh",
+}  # fmt: skip
 
 
 def degrees(function: Callable, operands: tuple, asked: Sequence[bool]) -> list[int]:
@@ -47,22 +53,45 @@ def may_jump(function: Callable, operands: tuple) -> bool:
 
     A function with a derivative of its own making (`jax.custom_jvp`) is taken as smooth.
     """
+    return _any(function, operands, _compares_or_rounds)
+
+
+def may_change_suddenly(function: Callable, operands: tuple) -> bool:
+    """Whether `function` divides by what depends on its operands, or has a function of it with a pole,
+    a cut, or that levels off: `x / sqrt(x * x)` jumps without a comparison.
+
+    A function that is declared smooth does not count.
+    """
+    return _any(function, operands, _divides)
+
+
+def _compares_or_rounds(eqn: Any, inputs: list[int]) -> bool:
+    return eqn.primitive.name in _STEPS or not all(map(_is_real, eqn.outvars))
+
+
+def _divides(eqn: Any, inputs: list[int]) -> bool:
+    name = eqn.primitive.name
+    found = name in _SUDDEN or (name == "div" and inputs[1] != NONE) or eqn.params.get("y", 0) < 0
+    return found and SMOOTH not in str(eqn.source_info.name_stack)
+
+
+def _any(function: Callable, operands: tuple, is_one: Callable) -> bool:
     closed = jax.make_jaxpr(function)(*operands)
-    return _jumps(closed.jaxpr, [AFFINE] * len(closed.jaxpr.invars))
+    return _finds(closed.jaxpr, [AFFINE] * len(closed.jaxpr.invars), is_one)
 
 
-def _jumps(jaxpr: Any, given: Sequence[int]) -> bool:
+def _finds(jaxpr: Any, given: Sequence[int], is_one: Callable) -> bool:
     found = []
 
     def rule(eqn: Any, inputs: list[int]) -> list[int]:
         name = eqn.primitive.name
         if max(inputs, default=NONE) != NONE and not name.startswith("custom_jvp"):
-            found.append(name in _STEPS or not all(map(_is_real, eqn.outvars)))
+            found.append(is_one(eqn, inputs))
             if name == "cond":
-                found.extend(_jumps(b.jaxpr, inputs[1:]) for b in eqn.params["branches"])
+                found.extend(_finds(b.jaxpr, inputs[1:], is_one) for b in eqn.params["branches"])
             elif not PROGRAMS.isdisjoint(eqn.params):
                 inner = called_program(eqn)  # None: a loop, which may do anything
-                found.append(inner is None or _jumps(inner[0], inputs))
+                found.append(inner is None or _finds(inner[0], inputs, is_one))
         return _equation(eqn, inputs)
 
     walk(jaxpr, given, rule, _constant)

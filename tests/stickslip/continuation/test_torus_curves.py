@@ -39,6 +39,31 @@ class Pair(ss.AbstractSmoothSystem):
         )  # fmt: skip
 
 
+class Beside(NamedTuple):
+    torus: Any
+    u: Any
+    w: Any
+
+
+class BesideUndamped(Pair):
+    """The same with an oscillator that nothing drives or damps: its pair stays on the unit circle."""
+
+    units: ClassVar = {"torus.x": "1", "torus.y": "1", "torus.p": "1", "torus.q": "1"}
+
+    def vector_field(self, t, y, mode, args):
+        return Beside(super().vector_field(t, y.torus, mode, args), y.w, -2.0 * y.u)
+
+
+def test_a_torus_point_is_seen_beside_a_mode_without_damping():
+    """The pair on the circle was the nearest to it on both sides of the point, and hid it."""
+    system = BesideUndamped(-0.05, 0.3)
+    start = Beside(Torus(1.0, 0.0, 0.0, 0.0), 0.0, 0.0)
+    orbit = periodic_orbit(system, OrbitGuess(start, 2 * np.pi))
+    branch = continue_orbit(system, orbit, "a", (-0.1, 0.1), follow=Follow(step=0.1))
+    (torus,) = branch["NS"]
+    assert torus.value == pytest.approx(0.0, abs=1e-9)
+
+
 @pytest.mark.slow
 def test_torus_points_pass_strong_resonances():
     """Of multipliers $e^{2\\pi(a \\pm ib)}$ the pair is a third or a fourth root of 1 there."""

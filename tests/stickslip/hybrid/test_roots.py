@@ -265,3 +265,46 @@ def test_the_same_with_an_exponent_in_reverse():
         jax.jit(jax.vmap(d(lambda mu: end_on_belt(mu)[0])))(mu) for d in (jax.jacfwd, jax.grad)
     )
     np.testing.assert_allclose(back, forward, atol=1e-10)
+
+
+class Orifice(ss.AbstractSmoothSystem):
+    """Pulled by a spring through an orifice that opens at 0.3 m/s:
+    x'' = 2 - x - c max(v - 0.3, 0)^p."""
+
+    c: Any
+    p: float = eqx.field(static=True)
+
+    def vector_field(self, t, y, mode, args):
+        return Motion(x=y.v, v=2.0 - y.x - self.c * power(y.v - 0.3, self.p))
+
+
+@pytest.mark.parametrize(
+    ("p", "tol"), [(0.3, 1e-10), (0.5, 1e-12), pytest.param(0.3, 1e-12, marks=pytest.mark.more)]
+)
+def test_slopes_beside_a_border_where_steps_are_as_short_as_rounding(p, tol):
+    """Steps of 1e-12 s ended at a depth of rounding, or on the border by rounding without a derivative,
+    and the next one began there: slopes of 0.8 came out as 1000 without a flag."""
+
+    def end(c, v):
+        run = ss.simulate(Orifice(c, p), 0.0, 1.0, Motion(x=0.0, v=v), integrator=within(tol))
+        return run.y1.x, run.flags
+
+    h, c = 1e-4, np.linspace(0.15, 0.9, 8)
+    starts = 0.2623 + h * np.array([[0.0], [-2.0], [-1.0], [1.0], [2.0]]) + 0.0 * c
+    both = jax.jit(jax.vmap(lambda c, v: jax.jvp(lambda v: end(c, v), (v,), (1.0,), has_aux=True)))
+    x, slope, flags = both(np.tile(c, 5), starts.ravel())
+    assert not np.any(flags)
+    x = x.reshape(5, -1)
+    right = (8 * (x[3] - x[2]) - (x[4] - x[1])) / (12 * h)
+    np.testing.assert_allclose(slope.reshape(5, -1)[0], right, atol=3e-6)
+
+
+@pytest.mark.more
+def test_the_same_beside_a_border_in_reverse():
+    def end(c):
+        run = ss.simulate(Orifice(c, 0.3), 0.0, 1.0, Motion(0.0, 0.2623), integrator=within(1e-11))
+        return run.y1.x
+
+    c = np.linspace(0.15, 0.9, 8)
+    forward, back = (jax.jit(jax.vmap(d(end)))(c) for d in (jax.jacfwd, jax.grad))
+    np.testing.assert_allclose(back, forward, atol=1e-9)
